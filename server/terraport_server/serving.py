@@ -20,10 +20,10 @@ from terraport_server.descriptors import make_room
 from terraport_server.doorway import Doorway
 from terraport_server.errors import ServerError, SettingsError
 from terraport_server.group_connection import GroupConnection, passing_class
+from terraport_server.http_connection import http_protocol_class
 from terraport_server.listeners import Listeners
 from terraport_server.logging import configure_logging
 from terraport_server.mailbox import Parcel
-from terraport_server.payload_connection import answering_class
 from terraport_server.service import Service
 from terraport_server.settings import Settings
 from terraport_server.small_reads import SmallReads
@@ -195,7 +195,7 @@ def make_server(settings: Settings) -> TerraportServer:
         host=settings.host,
         port=settings.port,
         # It bounds connections, too, so uvicorn's limit_concurrency is not needed.
-        http=passing_class(answering_class(settings, service)),
+        http=passing_class(http_protocol_class(settings, service.note_refusal)),
         ws=protocol_class(
             service.client_turns,
             notsent_lowat_bytes=settings.notsent_lowat_bytes,

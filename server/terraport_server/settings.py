@@ -176,8 +176,6 @@ class Settings(BaseSettings):
     """Request line and headers of one request."""
     http_body_bytes: Annotated[int, Field(ge=0, le=1 << 20)] = 16 << 10
     """Body of one request; none is ever needed."""
-    http_ranges: Annotated[int, Field(ge=1, le=64)] = 8
-    """Ranges of one request."""
     http_header_timeout_s: _Seconds = 10.0
     """From connecting, or the last answer, to the end of the next request's headers."""
     http_keep_alive_s: _Seconds = 5.0

@@ -1,6 +1,6 @@
 """What holds for every HTTP request, whatever it asks for.
 
-An ASGI middleware: it refuses what is asked by a foreign name or in too many parts, adds the
+An ASGI middleware: it refuses a Host that is not this service's, adds the
 headers that keep browsers from guessing, and counts the answers.
 """
 
@@ -8,19 +8,17 @@ from __future__ import annotations
 
 import ipaddress
 import json
-from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from terraport_server.http_connection import ANSWERED
 from terraport_server.service import Service
-from terraport_server.settings import Settings
 
-__all__ = ["EVERYWHERE", "AppGuard", "RequestRules", "host_is_ours"]
+__all__ = ["AppGuard", "host_is_ours"]
 
 _NO_FRAMES: Final = (b"x-frame-options", b"DENY")
-EVERYWHERE: Final = (
+_EVERYWHERE: Final = (
     (b"x-content-type-options", b"nosniff"),
     (b"referrer-policy", b"no-referrer"),
     _NO_FRAMES,
@@ -62,7 +60,8 @@ class AppGuard:
     def __init__(self, app: ASGIApp, service: Service) -> None:
         self._app = app
         self._service = service
-        self._rules = RequestRules(service.settings)
+        self._good_host = b"localhost"
+        """Last accepted host: the next request mostly has the same one."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request; WebSockets pass, their endpoint checks for itself."""
@@ -86,48 +85,22 @@ class AppGuard:
             await _answer(counted, refusal)
 
     def _refusal(self, scope: Scope) -> Refusal | None:
-        refusal = self._rules.refusal(scope["headers"])
-        if refusal is not None:
-            self._service.note_refusal(refusal.reason, refusal.text, _client(scope))
-        return refusal
-
-
-class RequestRules:
-    """What is asked of every request, whatever it asks for.
-
-    Parameters
-    ----------
-    settings
-        Read once.
-    """
-
-    def __init__(self, settings: Settings) -> None:
-        self._checks_host = settings.checks_host
-        self._allowed_hosts = settings.allowed_hosts
-        self._max_ranges = settings.http_ranges
-        self._good_host = b"localhost"
-        """The last one that was ours: the next is mostly the same."""
-
-    def refusal(self, headers: Sequence[tuple[bytes, bytes]]) -> Refusal | None:
-        """Return why a request with these headers is refused; None where it is not."""
-        host, ranges = None, 0
-        for name, value in headers:
-            if name == b"host":
-                host = value if host is None else host + b", " + value  # two are nobody's
-            elif name == b"range":
-                ranges += value.count(b",") + 1
-        if self._checks_host and host is not None and host != self._good_host:
-            if not host_is_ours(host.decode("latin-1"), self._allowed_hosts):
-                text = (
-                    "got a Host that is not this service's, expected an address, localhost, or one "
-                    "of allowed_hosts"
-                )
-                return Refusal("host", 421, "forbidden", text)
+        settings = self._service.settings
+        if not settings.checks_host:
+            return None
+        hosts = [value for name, value in scope["headers"] if name == b"host"]
+        host = b", ".join(hosts)  # two of them are never this service's
+        if not hosts or host == self._good_host:
+            return None
+        if host_is_ours(host.decode("latin-1"), settings.allowed_hosts):
             self._good_host = host
-        if ranges > self._max_ranges:
-            text = f"got {ranges} ranges, expected at most {self._max_ranges}"
-            return Refusal("http_ranges", 416, "too_many", text)
-        return None
+            return None
+        text = (
+            "got a Host that is not this service's, expected an address, localhost, or one "
+            "of allowed_hosts"
+        )
+        self._service.note_refusal("host", text, _client(scope))
+        return Refusal("host", 421, "forbidden", text)
 
 
 def host_is_ours(host: str | None, allowed: tuple[str, ...]) -> bool:
@@ -153,7 +126,7 @@ def host_is_ours(host: str | None, allowed: tuple[str, ...]) -> bool:
 
 
 def _added(scope: Scope, message: Message) -> list[tuple[bytes, bytes]]:
-    added = list(EVERYWHERE)
+    added = list(_EVERYWHERE)
     headers = dict(message.get("headers", ()))
     is_page = headers.get(b"content-type", b"").startswith(b"text/html")
     policy = headers.get(b"content-security-policy", b"")

@@ -13,8 +13,8 @@ from fastapi import APIRouter, FastAPI, Request, Response
 from fastapi.responses import HTMLResponse
 from starlette.exceptions import HTTPException
 
-from terraport_server.http.answers import CHECK, FOREVER, ServiceOfRequest, is_unchanged
 from terraport_server.http.links import links_of, scene_path, service_links
+from terraport_server.http.responses import CHECK, FOREVER, ServiceOfRequest, is_unchanged
 from terraport_server.http.viewer import ASSETS, PageFile, chosen_coding
 from terraport_server.service import Service
 

@@ -1,75 +1,106 @@
-"""Payload over HTTP at addresses whose bytes never change: one segment's GLB, and whole packs.
+"""Segment payloads and packs over HTTP, at addresses whose bytes never change.
 
-Plain ASGI, below the routing and beside FastAPI's. The bytes go from the page cache to the socket
-by ``sendfile`` where the connection takes files, else through memory, a window at a time.
-
-A segment's hash is compared once, when it is first asked for by anybody, in a thread; after that
-its entity tag is the hash that the scene's index has. Of packs, which clients that pull fetch in
-ranges, nothing is compared: they compare each segment.
-
-What can be answered without a wait never comes here: :mod:`terraport_server.short_answers`.
+``/scenes/ID/segments/N.glb`` is the GLB that a landing streams: its hash is compared when the
+segment is first read. ``/scenes/ID/v-.../segments.pack`` is the pack of a version, which clients
+fetch in ranges; they compare each segment.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Final
+from urllib.parse import unquote
 
-from starlette.routing import Route
-from starlette.types import Receive, Scope, Send
+from fastapi import APIRouter, Request, Response
 
-from terraport_server.errors import RequestError, UnknownSceneError
-from terraport_server.file_sender import FILES
-from terraport_server.http.payload_files import FileAnswer, PayloadFiles
-from terraport_server.scenes.payload_reader import WINDOW_BYTES
+from terraport_server.errors import AccessError, RequestError, UnknownSceneError
+from terraport_server.http.responses import (
+    PackResponse,
+    SceneOfRequest,
+    ServiceOfRequest,
+    bytes_response,
+    caching_headers,
+    is_unchanged,
+    token_of,
+)
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.service import Service
-from terraport_store import OriginError, PayloadRange, StoreError
+from terraport_store import OriginError, StoreError
 
-__all__ = ["payload_routes", "segment_faults"]
+__all__ = ["pack_routes", "payload_routes", "segment_faults", "segment_number"]
 
+payload_routes = APIRouter()
+pack_routes = APIRouter()
+"""Their address matches many others: to be added after all routes of a scene."""
 
-def payload_routes(service: Service) -> list[Route]:
-    """Return the routes of payload files."""
-    return [
-        Route(
-            "/scenes/{scene_id}/segments/{segment}.glb",
-            _Segments(service),
-            methods=["GET", "HEAD"],
-        ),
-        Route("/scenes/{scene_id}/{folder}/{name}", _Packs(service), methods=["GET", "HEAD"]),
-    ]
+_PACK_PATH: Final = re.compile(r"(?:/[^/?]+)*?/scenes/([^/?]+)/([^/?]+/[^/?]+)(?:\?.*)?")
 
 
-class _Segments:
-    """``GET /scenes/{id}/segments/{segment}.glb``: the very bytes that a landing streams."""
+@payload_routes.head("/scenes/{scene_id}/segments/{segment}.glb", include_in_schema=False)
+@payload_routes.get("/scenes/{scene_id}/segments/{segment}.glb", summary="One segment")
+async def get_segment(
+    request: Request,
+    served: SceneOfRequest,
+    service: ServiceOfRequest,
+    segment: str,
+    v: str | None = None,
+) -> Response:
+    """Return the payload of a segment, or one byte range of it."""
+    number = segment_number(segment, len(served.hashes))
+    etag = f'"{served.hashes[number]:016x}"'
+    headers = caching_headers(etag, v, is_open=service.gate.is_open)
+    if is_unchanged(request, etag):
+        return Response(None, 304, headers)
+    with segment_faults(service, served, number):
+        data = await served.desk.whole(number)
+    return bytes_response(request, data, "model/gltf-binary", headers)
 
-    def __init__(self, service: Service) -> None:
-        self._service = service
-        self._files = PayloadFiles(service)
 
-    async def __call__(self, scope: Scope, _receive: Receive, send: Send) -> None:
-        """Answer one request."""
-        path, query, headers = scope["path_params"], scope["query_string"], scope["headers"]
-        scene_id, number = path["scene_id"], path["segment"]
-        answer = self._files.segment(scope["method"], scene_id, number, query, headers)
-        served, part = answer.served, answer.part
-        assert answer.segment is not None
-        if not part.length or scope["method"] == "HEAD":
-            await _send_body(answer, send, b"")
-            return
-        served.hold()
-        try:
-            with segment_faults(self._service, served, answer.segment):
-                where = await served.desk.whole(answer.segment)
-                if isinstance(where, PayloadRange):
-                    where = where._replace(offset=where.offset + part.offset, length=part.length)
-                    await _send_file(answer, scope, send, where)
-                    return
-            await _send_body(answer, send, where[part.offset : part.offset + part.length])
-        finally:
-            served.release()
+@pack_routes.head("/scenes/{scene_id}/{folder}/{name}", include_in_schema=False)
+@pack_routes.get("/scenes/{scene_id}/{folder}/{name}", summary="The pack of a version")
+async def get_pack(
+    request: Request, service: ServiceOfRequest, scene_id: str, folder: str, name: str
+) -> Response:
+    """Return a pack by its path in the scene's folder, or one byte range of it."""
+    served, headers = _find_pack(request, service, scene_id, f"{folder}/{name}")
+    if is_unchanged(request, headers["ETag"]):
+        return Response(None, 304, headers)
+    try:
+        return PackResponse(served, headers)
+    except OSError as error:
+        served.tell_failure("file_not_served", None, error)
+        raise UnknownSceneError(scene_id, served.version) from None
+
+
+@payload_routes.get("/auth", summary="Whether a proxy may serve a pack to this client")
+async def check_access(request: Request, service: ServiceOfRequest) -> Response:
+    """Answer for the address in ``X-Forwarded-Uri`` (Caddy's ``forward_auth``).
+
+    204 with the caching headers of the pack, 401 or 403 as the pack itself would answer, and 404
+    for every other address.
+    """
+    path = _PACK_PATH.fullmatch(request.headers.get("x-forwarded-uri", ""))
+    if path is None:
+        raise RequestError(404, "not_found", "got an address that is not a pack's")
+    _, headers = _find_pack(request, service, *map(unquote, path.groups()))
+    return Response(None, 204, headers)
+
+
+def _find_pack(
+    request: Request, service: Service, scene_id: str, path: str
+) -> tuple[ServedScene, dict[str, str]]:
+    """Return the version that has a pack, and the caching headers, where the request may see it."""
+    code = service.gate.check(token_of(request), scene_id)
+    if code is not None:
+        raise AccessError(code)
+    served = service.registry.find_pack(scene_id, path)
+    if served.fetchers is not None:  # in object storage, where no file can be sent from
+        raise UnknownSceneError(scene_id)
+    manifest = served.scene.manifest
+    etag = f'"{manifest.files[manifest.encodings["glb"].pack].xxh3}"'
+    return served, caching_headers(etag, served.version, is_open=service.gate.is_open)
 
 
 @contextmanager
@@ -85,74 +116,21 @@ def segment_faults(service: Service, served: ServedScene, segment: int) -> Itera
         yield
     except (OriginError, FileNotFoundError) as error:
         served.tell_failure("segment_lost", segment, error)
-        text = f"segment {segment} cannot be had now; try again later"
+        text = f"segment {segment} is not available now; try again later"
         raise RequestError(503, "segment_unavailable", text) from None
     except StoreError:
         served.desk.distrust(segment)
         service.metrics.corrupt_segments.labels(service.metrics.scene_label(served.id)).inc()
-        text = f"segment {segment} is not whole on the server's disk"
+        text = f"segment {segment} is damaged on the server's disk"
         raise RequestError(500, "segment_corrupt", text) from None
 
 
-class _Packs:
-    """``GET /scenes/{id}/{folder}/{name}``: the pack of a version, by its path in the folder."""
-
-    def __init__(self, service: Service) -> None:
-        self._files = PayloadFiles(service)
-
-    async def __call__(self, scope: Scope, _receive: Receive, send: Send) -> None:
-        """Answer one request."""
-        path = scope["path_params"]
-        pack, headers = f"{path['folder']}/{path['name']}", scope["headers"]
-        answer = self._files.pack(scope["method"], path["scene_id"], pack, headers)
-        served = answer.served
-        if not answer.part.length or scope["method"] == "HEAD":
-            await _send_body(answer, send, b"")
-            return
-        served.hold()
-        try:
-            where = answer.where()
-            if where is None:
-                raise UnknownSceneError(served.id)
-            await _send_file(answer, scope, send, where)
-        except StoreError:
-            text = "the pack is not whole on the server's disk"
-            raise RequestError(500, "pack_corrupt", text) from None
-        finally:
-            served.release()
-
-
-async def _send_body(answer: FileAnswer, send: Send, body: bytes) -> None:
-    await send(_start(answer))
-    await send({"type": "http.response.body", "body": body})
-
-
-async def _send_file(answer: FileAnswer, scope: Scope, send: Send, where: PayloadRange) -> None:
-    """Send a range of a file, window by window: none is waited for on the event loop."""
-    takes_files = FILES in scope.get("extensions", {})
-    begun = False
-    offset, left = where.offset, where.length
-    while left:
-        window = where._replace(offset=offset, length=min(left, WINDOW_BYTES))
-        offset, left = offset + window.length, left - window.length
-        # Before the head: what is not there must not be promised.
-        body = await answer.served.desk.window(window, as_file=takes_files)
-        if not begun:
-            await send(_start(answer))
-            begun = True
-        message: dict[str, Any] = {"more_body": left > 0}
-        if body is None:
-            message |= {
-                "type": FILES,
-                "file": window.descriptor,
-                "offset": window.offset,
-                "count": window.length,
-            }
-        else:
-            message |= {"type": "http.response.body", "body": body}
-        await send(message)
-
-
-def _start(answer: FileAnswer) -> dict[str, Any]:
-    status = int(answer.part.status)
-    return {"type": "http.response.start", "status": status, "headers": answer.headers}
+def segment_number(text: str, count: int) -> int:
+    """Return the number of a segment in an address; raises RequestError."""
+    digits = text.removeprefix("-")
+    if not (digits.isascii() and digits.isdecimal() and len(digits) <= 40):
+        raise RequestError(400, "invalid_field", "got a wrong value of: segment")
+    if text.startswith("-") or int(digits) >= count:
+        expected = f"got segment {text}, expected 0 to {count - 1}"
+        raise RequestError(404, "unknown_segment", expected)
+    return int(digits)

@@ -18,7 +18,16 @@ from starlette.exceptions import HTTPException
 
 from terraport_server.auth.gate import TokenPass
 from terraport_server.errors import AccessError, RequestError, UnknownSceneError, http_status
-from terraport_server.http.answers import (
+from terraport_server.http.links import (
+    building_line,
+    has_local_file,
+    links_of,
+    scene_path,
+    service_links,
+    summary_of,
+)
+from terraport_server.http.payloads import pack_routes, payload_routes
+from terraport_server.http.responses import (
     CHECK,
     OpenFileResponse,
     SceneOfRequest,
@@ -28,15 +37,6 @@ from terraport_server.http.answers import (
     is_unchanged,
     token_of,
 )
-from terraport_server.http.links import (
-    building_line,
-    has_local_file,
-    links_of,
-    scene_path,
-    service_links,
-    summary_of,
-)
-from terraport_server.http.payloads import payload_routes
 from terraport_server.http.strokes import may_paint, stroke_routes
 from terraport_server.http.tiles import tile_routes
 from terraport_server.logging import log
@@ -58,11 +58,8 @@ _MAX_REPORT_BYTES = 64 << 20
 
 def add_routes(app: FastAPI) -> None:
     """Add the endpoints and the answers to their errors; ``app.state.service`` must be set."""
-    # Before the packs, whose address would take it for a folder's.
-    app.include_router(tile_routes)
-    app.include_router(stroke_routes)
-    app.router.routes.extend(payload_routes(app.state.service))
-    app.include_router(_router)
+    for routes in (tile_routes, stroke_routes, payload_routes, _router, pack_routes):
+        app.include_router(routes)
     app.add_exception_handler(AccessError, _access_refused)
     app.add_exception_handler(UnknownSceneError, _unknown_scene)
     app.add_exception_handler(RequestError, _refused)
@@ -124,7 +121,7 @@ async def get_scene(
 def get_base(
     request: Request, served: SceneOfRequest, service: ServiceOfRequest, v: str | None = None
 ) -> Response:
-    """Return the base mesh; ranges are understood."""
+    """Return the base mesh, or one byte range of it."""
     return _file(request, served, "base.glb", "model/gltf-binary", v, service)
 
 

@@ -19,7 +19,7 @@ from fastapi.responses import JSONResponse, StreamingResponse
 
 from terraport_server.auth.gate import TokenPass, origin_is_allowed
 from terraport_server.errors import AccessError, RequestError
-from terraport_server.http.answers import (
+from terraport_server.http.responses import (
     CHECK,
     SceneOfRequest,
     ServiceOfRequest,

@@ -10,7 +10,8 @@ from fastapi.responses import StreamingResponse
 
 from terraport_payload import PayloadError
 from terraport_server.errors import RequestError
-from terraport_server.http.answers import (
+from terraport_server.http.payloads import segment_faults, segment_number
+from terraport_server.http.responses import (
     CHECK,
     SceneOfRequest,
     ServiceOfRequest,
@@ -18,8 +19,6 @@ from terraport_server.http.answers import (
     in_turns,
     is_unchanged,
 )
-from terraport_server.http.payload_files import segment_number
-from terraport_server.http.payloads import segment_faults
 from terraport_server.logging import log
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_store import StoreError

@@ -19,17 +19,14 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from time import monotonic
-from typing import Final
+from typing import Any, Final
 
 from terraport_server.session.interface import SendChunk
 from terraport_server.session.rate_limit import RatesByName
 from terraport_server.read_buffer import ReadBuffer, read_cached
 from terraport_store import PayloadRange, RangeError, Scene, StoreError
 
-__all__ = ["COMPARED_AT_ONCE", "DOUBTS_PER_S", "WINDOW_BYTES", "PayloadDesk"]
-
-WINDOW_BYTES: Final = 1 << 20
-"""What is looked for in the page cache, or brought there by a thread, at a time."""
+__all__ = ["COMPARED_AT_ONCE", "DOUBTS_PER_S", "PayloadDesk"]
 
 DOUBTS_PER_S: Final = 2.0
 """Segments that one address may have compared again for everybody, averaged over 10 s: twenty at
@@ -40,12 +37,6 @@ COMPARED_AT_ONCE: Final = 32
 
 _AHEAD_BYTES: Final = 1 << 20
 """Of segments that were never sent: compared together, while one before them is on its way."""
-
-_NOWAIT = getattr(os, "RWF_NOWAIT", 0)
-"""Linux 4.14: fail instead of waiting for the disk."""
-
-_PROBE = [bytearray(1)]
-"""Where a probe's byte goes; nobody looks at it."""
 
 
 class PayloadDesk:
@@ -230,56 +221,22 @@ class PayloadDesk:
         self._scene.expect(segments[:count], encoding)
         return total
 
-    async def whole(self, segment: int) -> PayloadRange | bytes:
-        """Return where a whole GLB lies, or where it is in no file, its bytes.
+    async def whole(self, segment: int) -> bytes | memoryview:
+        """Return a whole GLB; its hash is compared unless that was done.
 
-        Its hash is compared, in a thread, unless that was done. Raises as :meth:`fetch`.
+        Cancelling it leaves the thread to finish. Raises as :meth:`fetch`.
         """
-        scene, encoding = self._scene, "glb"
-        length = int(scene.rows.length[segment])
-        where = scene.payload_range(segment, encoding, 0, length)
-        if where is not None:
-            if not scene.is_verified(segment, encoding):
-                await self.fetch(SendChunk(0, segment, 0, length, length, True), encoding)
-            return where
-        loop = asyncio.get_running_loop()
-        readers = self._readers
+        self._hold()
+        reading = asyncio.ensure_future(self._whole(segment))
+        reading.add_done_callback(self._ended)
+        return await asyncio.shield(reading)
+
+    async def _whole(self, segment: int) -> bytes | memoryview:
+        scene, loop, readers = self._scene, asyncio.get_running_loop(), self._readers
         if self._fetchers is not None:
-            recalled = await loop.run_in_executor(self._readers, scene.recall, segment, encoding)
-            readers = self._readers if recalled else self._fetchers
-        return bytes(await loop.run_in_executor(readers, scene.payload, segment))
-
-    async def window(self, where: PayloadRange, *, as_file: bool) -> bytes | None:
-        """Bring a range of a file into the page cache; nothing is compared.
-
-        The caller holds the scene.
-
-        Parameters
-        ----------
-        where
-        as_file
-            Whether the caller can send from a file; the bytes are returned otherwise.
-
-        Raises
-        ------
-        RangeError
-            When the file is shorter.
-        OSError
-            When the disk fails.
-        """
-        if as_file and _is_cached(where):
-            return None
-        loop = asyncio.get_running_loop()
-        data = await loop.run_in_executor(self._readers, _read, where)
-        return None if as_file else data
-
-    @staticmethod
-    def is_near(where: PayloadRange) -> bool:
-        """Whether a range of a file is in the page cache, as far as a look at each window tells."""
-        if where.length <= WINDOW_BYTES:
-            return _is_cached(where)
-        starts = range(where.offset, where.offset + where.length, WINDOW_BYTES)
-        return all(_is_cached(where._replace(offset=start)) for start in starts)
+            recalled = await loop.run_in_executor(readers, scene.recall, segment, "glb")
+            readers = readers if recalled else self._fetchers
+        return await loop.run_in_executor(readers, scene.payload, segment)
 
     def doubted(self, segment: int, client: str) -> None:
         """Hear that a client rejects a segment: its hashes are compared again, within a rate.
@@ -303,7 +260,7 @@ class PayloadDesk:
         del self._fetching[key]
         self._ended(done)
 
-    def _ended(self, done: asyncio.Future[None]) -> None:
+    def _ended(self, done: asyncio.Future[Any]) -> None:
         self._release()
         if not done.cancelled():
             done.exception()  # seen, though whoever asked may have gone
@@ -344,22 +301,3 @@ class PayloadDesk:
         if got < file_range.length:
             self._scene.distrust(chunk.segment, encoding)
             raise RangeError(file_range.offset, file_range.length, file_range.offset + got)
-
-
-def _read(where: PayloadRange) -> bytes:
-    data = os.pread(where.descriptor, where.length, where.offset)
-    if len(data) < where.length:
-        raise RangeError(where.offset, where.length, where.offset + len(data))
-    return data
-
-
-def _is_cached(file_range: PayloadRange) -> bool:
-    """Tell whether the first page of a range, and so what was read with it, is in memory."""
-    if not _NOWAIT:
-        return True
-    try:
-        return bool(os.preadv(file_range.descriptor, _PROBE, file_range.offset, _NOWAIT))
-    except BlockingIOError:
-        return False
-    except OSError:
-        return True  # not on this file system, or the disk fails: the send will tell
