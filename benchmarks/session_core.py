@@ -110,8 +110,8 @@ def main() -> None:
         gc.collect()
         kib = tracemalloc.get_traced_memory()[0] / SESSIONS / 1024.0
         tracemalloc.stop()
-        assert sessions[0].deliveries is not None
-        print(f"{name} session: {kib:.1f} KiB, holds {len(sessions[0].deliveries.held)} segments")
+        assert sessions[0].transfers is not None
+        print(f"{name} session: {kib:.1f} KiB, holds {len(sessions[0].transfers.held)} segments")
     runs = [land(opened(scene), 400.0) for _ in range(9)]
     per_chunk_us = min(1e6 * seconds / chunks for _, seconds, chunks in runs)
     print(f"one chunk asked for and booked: {per_chunk_us:.1f} us")
