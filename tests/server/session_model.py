@@ -5,6 +5,7 @@ And what the files of the session's tests share: small scenes, clients, short wo
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from itertools import takewhile
 from typing import Any
@@ -29,6 +30,7 @@ from terraport_wire import (
     Aim,
     CloseCode,
     Degraded,
+    Direction,
     Error,
     ErrorCode,
     Land,
@@ -38,6 +40,8 @@ from terraport_wire import (
     Ready,
     Superseded,
     Welcome,
+    decode,
+    encode,
 )
 
 
@@ -163,6 +167,7 @@ class Client:
 
     def _message(self, message: Message) -> None:
         if isinstance(message, Plan | Prefetch):
+            _check_fields(message)
             rows = message.load if isinstance(message, Plan) else message.segments
             load = rows["id"].tolist()
             assert not self.held.intersection(load), "what is held is not loaded"
@@ -183,6 +188,14 @@ class Client:
             self.ends.setdefault(message.generation, []).append("superseded")
         elif isinstance(message, Error):
             assert message.fatal == self.session.closing
+
+
+def _check_fields(message: Plan | Prefetch) -> None:
+    """Check a message that the server makes without checks: the same with them, and on the wire."""
+    fields = {field.name: getattr(message, field.name) for field in dataclasses.fields(message)}
+    checked = type(message)(**fields)
+    assert checked == message == decode(encode(message), Direction.SERVER_TO_CLIENT)
+    assert all(type(getattr(checked, name)) is type(value) for name, value in fields.items())
 
 
 def make_client(

@@ -105,20 +105,6 @@ def places(inbox: list[Message]) -> list[tuple[float, float, float] | None]:
     return [m.position for m in [r for r in inbox if isinstance(r, Roster)][-1].members]
 
 
-def test_the_roster_says_where_who_has_landed_stands() -> None:
-    hall, _ = filled("a")
-    hall.join("x", scene="other")
-    hall.wait(1.0)
-    hall.groups.landed("a", (1.0, 2.0, 3.0), hall.now_s)
-    messages = hall.hear()
-    assert set(messages) == {"g", "a"}, "nobody outside the group hears of it"
-    assert places(messages["g"]) == [None, (1.0, 2.0, 3.0)]
-    # Who landed before he joined stands there; one without a seat is nobody's business.
-    hall.join("b", wants(), place=(7.0, 8.0, 9.0))
-    hall.groups.landed("nobody", (5.0, 5.0, 5.0), hall.now_s)
-    assert places(hall.wait(1.0)["g"]) == [None, (1.0, 2.0, 3.0), (7.0, 8.0, 9.0)]
-
-
 def test_a_seat_that_is_taken_again_stands_where_it_was() -> None:
     hall, secrets = filled("a")
     hall.groups.landed("a", (1.0, 2.0, 3.0), hall.now_s)
@@ -157,13 +143,6 @@ def test_a_landing_never_delays_what_else_there_is_to_tell() -> None:
     hall.join("b")
     assert places(hall.hear()["g"]) == [None, (2.0, 0.0, 0.0), None]
     assert hall.wait(5.0) == {}, "it was told with the newcomer"
-
-
-def test_a_group_is_of_one_scene() -> None:
-    hall, _ = filled("a")
-    hall.join("x", scene="other")
-    assert set(hall.hear()) == {"x"}
-    assert hall.groups.group_count == 2
 
 
 def test_the_guide_lands_everybody_and_the_barrier_opens_when_all_are_ready() -> None:
@@ -206,17 +185,6 @@ def test_nobody_keeps_it_shut_longer_than_the_server_allows() -> None:
     hall.hear()
     assert hall.wait(6.9) == {}
     assert set(of(hall.wait(0.2), Gathered)) == {"g", "a"}
-
-
-def test_who_leaves_holds_nobody() -> None:
-    hall, _ = filled("a", "b")
-    hall.groups.gather("g", gather_request(), hall.now_s)
-    for key in ("a", "b"):
-        hall.groups.arrived(key, 1, "ready")
-    hall.hear()
-    hall.groups.leave("g", hall.now_s)
-    assert of(hall.hear(), Gathered)["a"].ready.tolist() == [2, 3], "the guide, too"
-    assert hall.join("b2", role="guide") is None, "the guide's seat is free"
 
 
 def test_a_lost_member_is_waited_for_a_while_then_left() -> None:
@@ -295,19 +263,6 @@ def test_nobody_hears_that_a_gathering_is_over_before_that_it_began() -> None:
     assert [type(m) for m in hall.wait(0.06)["a"]] == [Gathering, Gathered]
 
 
-def test_a_newer_gathering_ends_the_older_one() -> None:
-    hall, _ = filled("a")
-    for _ in range(2):
-        hall.groups.gather("g", gather_request(), hall.now_s)
-    hall.groups.arrived("g", 1, "ready")
-    hall.groups.arrived("a", 1, "ready")
-    assert of(hall.hear(), Gathered) == {}
-    assert of(hall.wait(0.25), Gathering)["a"].gathering == 2
-    hall.groups.arrived("g", 2, "ready")
-    hall.groups.arrived("a", 2, "ready")
-    assert of(hall.hear(), Gathered)["a"].gathering == 2
-
-
 def test_refusals() -> None:
     hall, _ = filled("a", max_groups=2, max_group_members=3)
     assert "from a member" in (hall.groups.gather("a", gather_request(), 0.0) or "")
@@ -330,12 +285,6 @@ def test_a_refused_join_keeps_the_seat_held_before() -> None:
     assert hall.join("a", group="other", role="guide") is not None
     hall.groups.gather("g", gather_request(), hall.now_s)
     assert "a" in of(hall.hear(), Gathering)
-
-
-def test_the_guide_may_join_again_as_member_of_its_group() -> None:
-    hall, _ = filled("a")
-    assert hall.join("g", role="member") is None
-    assert hall.join("a", role="guide") is None
 
 
 def test_rosters_are_not_told_faster_than_four_times_a_second() -> None:

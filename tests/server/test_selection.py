@@ -1,4 +1,4 @@
-"""Selection against a brute-force model written with plain loops."""
+"""The choice of segments against a brute-force model written with plain loops."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import dataclasses
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -320,60 +319,10 @@ def _facts(plan: Selection) -> dict[str, object]:
     }
 
 
-def test_nearest_first_and_ties_by_id() -> None:
-    table = make_table(
-        [(5.0, 0, 0, 6, 1, 1), (-6.0, 0, 0, -5, 1, 1), (1.0, 0, 0, 2, 1, 1)], [1, 1, 1], [1, 1, 1]
-    )
-    assert run(table, 9.0).load.tolist() == [2, 0, 1]
-
-
 def test_radius_is_inclusive() -> None:
     table = row_of_boxes(3)
     assert run(table, 10.0).load.tolist() == [0, 1]
     assert run(table, np.nextafter(10.0, 0.0)).load.tolist() == [0]
-
-
-def test_what_is_held_between_the_two_radii_is_kept_and_is_not_of_the_plan() -> None:
-    table = row_of_boxes(5)
-    kept = run(table, 18.0, held_ids={0, 1, 2, 3})
-    assert kept.load.tolist() == []
-    assert kept.keep.tolist() == [0, 1]
-    assert kept.nearby.tolist() == [2]
-    assert kept.plan.array().tolist() == [0, 1]
-
-
-def test_what_is_nearby_gives_way_to_a_budget_and_is_not_left_out() -> None:
-    plan = run(
-        row_of_boxes(5), 12.0, factor=4.0, held_ids={0, 2, 3, 4}, budgets=Budgets(max_segments=3)
-    )
-    assert (plan.load.tolist(), plan.keep.tolist(), plan.nearby.tolist()) == ([1], [0], [2])
-    assert (plan.omitted_segments, plan.omitted_by, plan.effective_radius_m) == (0, None, 12.0)
-
-
-@pytest.mark.parametrize(
-    ("budgets", "plan", "by"),
-    [
-        (Budgets(max_bytes=299), [0, 1], "max_bytes"),
-        (Budgets(max_bytes=300), [0, 1, 2], "max_bytes"),
-        (Budgets(max_bytes=400), [0, 1, 2, 3], None),
-        (Budgets(max_triangles=10), [0], "max_triangles"),
-        (Budgets(max_segments=2), [0, 1], "max_segments"),
-        (Budgets(max_triangles=20, max_bytes=200, max_segments=2), [0, 1], "max_segments"),
-        (Budgets(max_bytes=99), [], "max_bytes"),
-        # Ten vertices and triangles each: 300 bytes, and 0, 84, 168, 0 of texture.
-        (Budgets(max_gpu_bytes=683), [0], "max_gpu_bytes"),
-        (Budgets(max_gpu_bytes=684), [0, 1], "max_gpu_bytes"),
-        (Budgets(max_gpu_bytes=404, gpu_vertex_bytes=10), [0, 1], "max_gpu_bytes"),
-        (Budgets(max_gpu_bytes=744, gpu_face_bytes=9), [0, 1], "max_gpu_bytes"),
-        (Budgets(max_gpu_bytes=1452), [0, 1, 2, 3], None),
-    ],
-)
-def test_budgets(budgets: Budgets, plan: list[int], by: str | None) -> None:
-    chosen = run(row_of_boxes(4), 35.0, budgets=budgets)
-    assert chosen.load.tolist() == plan
-    assert chosen.omitted_by == by
-    assert chosen.omitted_segments == 4 - len(plan)
-    assert chosen.effective_radius_m == (35.0 if by is None else 10.0 * len(plan))
 
 
 def test_inner_is_what_of_the_plan_lies_within_the_inner_radius() -> None:
@@ -437,9 +386,32 @@ def test_each_segment_is_planned_at_the_level_of_its_distance(
     assert len({row % count for row in chosen.order.tolist()}) == len(chosen.order)
 
 
-def test_nothing_near() -> None:
-    chosen = run(row_of_boxes(2), 5.0, centre=(0.0, 900.0, 0.0), held_ids={1})
-    assert chosen.load.size == 0
-    assert chosen.keep.size == 0
-    assert chosen.nearby.size == 0
-    assert chosen.effective_radius_m == 5.0
+some_ids = st.lists(st.sampled_from([0, 1, 2, 5, 4000, 2**32 - 1]), max_size=8)
+id_changes = st.tuples(
+    st.sampled_from(["add", "discard", "update", "difference_update", "many"]), some_ids
+)
+
+
+@settings(max_examples=150)
+@given(first=some_ids, script=st.lists(id_changes, max_size=12), queried=some_ids)
+def test_an_id_set_equals_a_python_set(
+    first: list[int], script: list[tuple[str, list[int]]], queried: list[int]
+) -> None:
+    ours, model = IdSet(first), set(first)
+    for name, ids in script:
+        if name in {"add", "discard"}:
+            for segment in ids:
+                getattr(ours, name)(segment)
+                getattr(model, name)(segment)
+        elif name == "many":  # more than it keeps unsorted
+            for segment in range(1500):
+                ours.add(segment)
+            model.update(range(1500))
+        else:
+            getattr(ours, name)(np.array(ids, dtype=np.uint32))
+            getattr(model, name)(ids)
+        assert len(ours) == len(model)
+    assert [segment in ours for segment in queried] == [segment in model for segment in queried]
+    contained = ours.contains(np.array(queried, dtype=np.int64)).tolist()
+    assert contained == [segment in model for segment in queried]
+    assert ours.array().tolist() == sorted(model)

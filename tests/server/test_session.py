@@ -1,12 +1,11 @@
-"""The session state machine: greeting, order, errors, time, news, any history against a model.
+"""The session state machine: errors, notices, held segments, aims, any history against a model.
 
-What the files of the session's tests share stands in ``session_model.py``: small scenes, a client
-that keeps the rules, and short words for messages. Landings are in ``test_session_landings.py``;
-aims, picks and what is held in ``test_session_held.py``.
+What tests/socket shows through a connection is not repeated here. Shared: ``session_model.py``.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import msgpack
@@ -27,11 +26,11 @@ from server.session_model import (
     make_scene,
 )
 
-from terraport_payload import box_distances_m
 from terraport_server.session.interface import Close, Observer, SessionLimits
 from terraport_server.session.session import INTERNAL_TEXT, Session
 from terraport_wire import (
     HELD_DTYPE,
+    MAX_CHUNK_BYTES,
     Budgets,
     Bye,
     CloseCode,
@@ -40,25 +39,19 @@ from terraport_wire import (
     ErrorCode,
     Evict,
     FieldError,
-    MalformedError,
+    Held,
+    HeldChecked,
     Notice,
+    Pick,
     Plan,
     Ready,
     Reject,
     Superseded,
     Unknown,
-    Welcome,
     decode,
 )
 
-# Greeting, order, errors.
-
-
-def test_hello_comes_first() -> None:
-    client = make_client(greet=False)
-    client.tell(land(1))
-    error = assert_fatal(client, ErrorCode.OUT_OF_ORDER, CloseCode.MALFORMED)
-    assert error.message == "got land first, expected hello"
+# Handshake and errors.
 
 
 def test_an_unknown_type_is_no_hello() -> None:
@@ -67,12 +60,6 @@ def test_an_unknown_type_is_no_hello() -> None:
     client.session.receive(Unknown("wave"), 0.0)
     error = assert_fatal(client, ErrorCode.OUT_OF_ORDER, CloseCode.MALFORMED)
     assert error.message == "got an unknown type first, expected hello"
-
-
-def test_hello_comes_once() -> None:
-    client = make_client()
-    client.tell(make_hello())
-    assert_fatal(client, ErrorCode.OUT_OF_ORDER, CloseCode.MALFORMED)
 
 
 def test_another_major_version_is_refused_with_the_versions_offered() -> None:
@@ -91,40 +78,6 @@ def test_an_encoding_that_the_scene_lacks() -> None:
     client.tell(make_hello())
     error = assert_fatal(client, ErrorCode.UNSUPPORTED_ENCODING, CloseCode.VERSION)
     assert error.message == "got encoding glb, expected one of: later"
-
-
-def test_too_many_held_segments() -> None:
-    client = make_client(greet=False, max_held_segments=1)
-    client.tell(make_hello(held=np.array([(0, 7000), (1, 7001)], dtype=HELD_DTYPE)))
-    assert_fatal(client, ErrorCode.TOO_LARGE, CloseCode.TOO_LARGE)
-
-
-@pytest.mark.parametrize("code", [ErrorCode.UNAUTHORISED, ErrorCode.FORBIDDEN])
-def test_the_token_decides(code: ErrorCode) -> None:
-    def authorise(token: str | None) -> tuple[ErrorCode, str] | None:
-        return None if token == "right" else (code, "why not")
-
-    client = make_client(greet=False, authorise=authorise)
-    client.tell(make_hello(token="wrong"))
-    assert_fatal(client, code, {"unauthorised": 4401, "forbidden": 4403}[code])  # type: ignore[arg-type]
-    client = make_client(greet=False, authorise=authorise)
-    assert isinstance(client.greet(token="right"), Welcome)
-
-
-@pytest.mark.parametrize("second", [4, 3, 0])
-def test_generations_increase_over_aims_and_landings(second: int) -> None:
-    client = make_client()
-    client.tell(aim(4))
-    client.tell(land(second))
-    error = assert_fatal(client, ErrorCode.OUT_OF_ORDER, CloseCode.MALFORMED)
-    assert error.generation == second
-    assert error.message == f"got generation {second}, expected one above 4"
-
-
-def test_the_first_generation_may_be_zero() -> None:
-    client = make_client()
-    client.tell(land(0, radius_m=5.0))
-    assert kinds(client.run()) == ["Plan", "SendChunk", "Ready"]
 
 
 def test_a_radius_too_large_is_refused_and_the_open_landing_goes_on() -> None:
@@ -151,22 +104,10 @@ def test_a_bad_landing_is_refused_and_its_generation_is_used() -> None:
     assert_fatal(client, ErrorCode.OUT_OF_ORDER, CloseCode.MALFORMED)
 
 
-def test_what_is_no_message_is_fatal() -> None:
-    client = make_client()
-    client.session.refuse(MalformedError("got rubbish", offset=3), 0.0)
-    assert_fatal(client, ErrorCode.MALFORMED, CloseCode.MALFORMED)
-
-
 def test_a_bad_message_before_hello_is_fatal_whatever_it_is() -> None:
     client = make_client(greet=False)
     client.session.refuse(FieldError("land", "radius_m", "got -1", generation=1), 0.0)
     assert_fatal(client, ErrorCode.INVALID_FIELD, CloseCode.MALFORMED)
-
-
-def test_unknown_messages_are_skipped() -> None:
-    client = make_client()
-    client.session.receive(Unknown("teleport_party"), 0.0)
-    assert client.run() == []
 
 
 def test_bye_ends_it_and_nothing_more_is_sent() -> None:
@@ -184,64 +125,7 @@ def test_a_failure_of_ours_tells_nothing() -> None:
     assert error.message == INTERNAL_TEXT
 
 
-# Time.
-
-
-def test_no_hello_in_time() -> None:
-    client = make_client(greet=False, handshake_timeout_s=3.0)
-    assert client.session.wake_at_s() == 3.0
-    client.session.tick(2.9)
-    assert client.run() == []
-    client.session.tick(3.0)
-    assert_fatal(client, ErrorCode.TIMEOUT, CloseCode.TIMEOUT)
-
-
-def test_silence_ends_the_session_and_a_pong_is_no_silence() -> None:
-    client = make_client(idle_timeout_s=5.0)
-    client.session.heard(4.0)
-    client.session.tick(6.0)
-    assert client.run() == []
-    assert client.session.wake_at_s() == 9.0
-    client.session.tick(9.0)
-    assert_fatal(client, ErrorCode.TIMEOUT, CloseCode.TIMEOUT)
-
-
-def test_too_many_messages() -> None:
-    client = make_client(max_messages_per_s=2.0)  # 20 at once; hello took one
-    for _ in range(19):
-        client.tell(Credit(bytes=1))
-    assert client.run() == []
-    client.now_s = 0.5
-    client.tell(Credit(bytes=1))
-    assert client.run() == []
-    client.tell(Credit(bytes=1))
-    assert_fatal(client, ErrorCode.TOO_MANY, CloseCode.TOO_MANY)
-
-
-# News.
-
-
-def test_draining_finishes_the_open_landing_first() -> None:
-    client = make_client(reconnect_after_ms=700)
-    client.tell(land(1))
-    client.tell(aim(2, 100.0))
-    client.run(most=2)
-    client.session.drain(0.0, 10.0)
-    notice, *rest = client.run()
-    assert notice == Notice(kind="draining", reconnect_after_ms=700)
-    assert kinds(rest) == ["SendChunk", "SendChunk", "Ready", "Close"]
-    assert client.close == Close(CloseCode.DRAINING, "draining")
-
-
-def test_draining_is_bounded() -> None:
-    client = make_client(greet=False)
-    client.greet(credit_bytes=0)
-    client.tell(land(1))
-    client.session.drain(0.0, 2.0)
-    assert kinds(client.run()) == ["Notice", "Plan"]
-    assert client.session.wake_at_s() == 2.0
-    client.session.tick(2.0)
-    assert client.run() == [Close(CloseCode.DRAINING, "draining")]
+# Notices.
 
 
 def test_draining_takes_no_landing() -> None:
@@ -260,14 +144,6 @@ def test_draining_an_idle_session_ends_it() -> None:
     stranger = make_client(greet=False)
     stranger.session.drain(0.0, 2.0)
     assert kinds(stranger.run()) == ["Close"]
-
-
-def test_a_new_version_is_told_and_changes_nothing() -> None:
-    client = make_client()
-    client.session.scene_published("v2")
-    assert client.run() == [Notice(kind="scene_published", version="v2")]
-    client.tell(land(1))
-    assert kinds(client.run())[-1] == "Ready"
 
 
 def test_news_before_hello_wait_for_the_welcome() -> None:
@@ -360,8 +236,6 @@ def test_any_history_keeps_the_rules(
             client.run(until=lambda: client.session.pending == 0)
             make = land if kind == "land" else aim
             client.tell(make(generation, float(first), float(second)))
-            if kind == "land":
-                _check_plan(client, generation, float(first), float(second), budgets)
         elif kind == "run":
             client.run(most=first)
         elif kind == "credit":
@@ -404,28 +278,193 @@ def test_any_history_keeps_the_rules(
         assert client.ends[landings[-1]][-1] == "ready", "the newest landing always ends ready"
 
 
-def _check_plan(
-    client: Client, generation: int, x: float, radius_m: float, budgets: Budgets
-) -> None:
-    held_ids = set(client.held)
-    client.run(until=lambda: generation in client.load)
-    plan = next(m for m in reversed(client.messages) if isinstance(m, Plan))
-    assert plan.generation == generation
-    distances = box_distances_m(client.table.bounds, (x, 0.0, 0.0))
-    by_distance = sorted(
-        (float(distances[s]), s)
-        for s in range(len(client.table))
-        if distances[s] <= radius_m or (s in held_ids and distances[s] <= radius_m * 1.25)
-    )
-    fitting: list[int] = []
-    for _, segment in by_distance:
-        size = sum(int(client.table.lengths[s]) for s in [*fitting, segment])
-        if budgets.max_bytes is not None and size > budgets.max_bytes:
-            break
-        if budgets.max_segments is not None and len(fitting) >= budgets.max_segments:
-            break
-        fitting.append(segment)
-    expected = [s for s in fitting if distances[s] <= radius_m]
-    assert plan.load["id"].tolist() == [s for s in expected if s not in held_ids]
-    assert plan.keep.tolist() == sorted(s for s in expected if s in held_ids)
-    assert plan.nearby.tolist() == sorted(set(fitting) - set(expected))
+# Held, evict, reject.
+
+
+def test_a_rejected_segment_is_sent_once_more_then_missing() -> None:
+    client = make_client()
+    client.tell(land(1))
+    client.run()
+    client.held -= {1}
+    client.tell(Reject(generation=1, segment=1, reason="hash_mismatch"))
+    chunk, ready = client.run()
+    assert (chunk.segment, chunk.generation, ready.missing.tolist()) == (1, 1, [])
+    assert (ready.delivered, ready.payload_bytes) == (3, 3003 + 1001)
+    client.held -= {1}
+    client.tell(Reject(generation=1, segment=1, reason="hash_mismatch"))
+    (ready,) = client.run()
+    assert ready.missing.tolist() == [1]
+    client.tell(land(2))
+    assert client.run()[0].load["id"].tolist() == [1], "a missing segment is tried again"
+
+
+# Aims.
+
+
+def test_an_aim_waits_for_the_open_landing() -> None:
+    client = make_client()
+    client.tell(land(1))
+    client.tell(aim(2, 100.0))
+    names = kinds(client.run())
+    assert names.index("Prefetch") == names.index("Ready") + 1
+
+
+def test_a_newer_aim_supersedes_an_older_one_and_a_waiting_one() -> None:
+    client = make_client()
+    client.tell(aim(1))
+    client.run(most=2)
+    client.tell(aim(2, 100.0))
+    superseded = client.run(most=1)[0]
+    assert (superseded.generation, superseded.unsent_bytes) == (1, 2003)
+    client.run()
+    client.tell(land(3, 50.0))
+    client.tell(aim(4))
+    client.tell(aim(5))
+    waiting = [m for m in client.run() if isinstance(m, Superseded)]
+    assert [(m.generation, m.by, m.unsent_bytes) for m in waiting] == [(4, 5, 0)]
+
+
+def test_a_rejected_prefetched_segment_is_sent_once_more() -> None:
+    client = make_client()
+    client.tell(aim(1, radius_m=5.0))
+    client.run()
+    for expected in (["SendChunk"], []):
+        client.held -= {0}
+        client.tell(Reject(generation=1, segment=0, reason="hash_mismatch"))
+        assert kinds(client.run()) == expected
+
+
+# Picks.
+
+
+def test_too_many_picks_at_once_are_refused_one_by_one() -> None:
+    client = make_client(max_picks=1)
+    for request in (4, 5):
+        client.tell(Pick(request=request, origin=(0.0, 1.0, 0.0)))
+    error = last_error(client)
+    assert (error.code, error.request, error.fatal) == ("too_many", 5, False)
+    client.session.picked(4, None)
+    client.tell(Pick(request=6, origin=(0.0, 1.0, 0.0)))
+    client.run()
+    assert [pick.request for pick in client.picks] == [4, 6]
+
+
+# More held than one table takes.
+
+
+def test_held_goes_on_after_hello_and_is_answered_before_the_plan() -> None:
+    client = make_client(greet=False)
+    client.greet(held=np.array([(0, 7000)], dtype=HELD_DTYPE))
+    client.tell(Held(segments=np.array([(1, 7001), (2, 1), (5000, 7005)], dtype=HELD_DTYPE)))
+    client.tell(Held(segments=np.array([(2, 7002)], dtype=HELD_DTYPE)))
+    client.tell(land(1))
+    client.held = {0, 1, 2}
+    first, second, plan, _ = client.run()
+    assert isinstance(first, HeldChecked)
+    assert (sorted(first.dropped.tolist()), first.held_count) == ([2, 5000], 2)
+    assert second == HeldChecked(dropped=ids(), held_count=3)
+    assert (plan.keep.tolist(), plan.load_bytes) == ([0, 1, 2], 0)
+
+
+def test_a_row_that_is_offered_again_replaces_the_one_before() -> None:
+    client = make_client(greet=False)
+    client.greet(held=np.array([(0, 7000), (1, 7001)], dtype=HELD_DTYPE))
+    client.tell(Held(segments=np.array([(1, 5), (0, 7000)], dtype=HELD_DTYPE)))
+    (checked,) = client.run()
+    assert (checked.dropped.tolist(), checked.held_count) == ([1], 1)
+
+
+def test_held_after_an_aim_or_a_landing_is_fatal() -> None:
+    for message in (land(1), aim(1)):
+        client = make_client()
+        client.tell(message)
+        client.tell(Held(segments=np.array([(0, 7000)], dtype=HELD_DTYPE)))
+        error = assert_fatal(client, ErrorCode.OUT_OF_ORDER, CloseCode.MALFORMED)
+        assert "before the first one" in error.message
+
+
+def test_held_before_hello_and_too_much_of_it_are_fatal() -> None:
+    rows = np.array([(0, 7000), (1, 7001)], dtype=HELD_DTYPE)
+    client = make_client(greet=False)
+    client.tell(Held(segments=rows))
+    assert_fatal(client, ErrorCode.OUT_OF_ORDER, CloseCode.MALFORMED)
+    client = make_client(max_held_segments=1)
+    client.tell(Held(segments=rows))
+    assert_fatal(client, ErrorCode.TOO_LARGE, CloseCode.TOO_LARGE)
+
+
+def test_beyond_the_radius_only_what_is_held_is_looked_at() -> None:
+    """A release factor of 4 must not make the service look at sixteen times the ground."""
+    scene, queried_m = make_scene(), []
+
+    def within(centre: Any, radius_m: float) -> Any:
+        queried_m.append(radius_m)
+        return scene.within(centre, radius_m)
+
+    client = make_client(dataclasses.replace(scene, within=within), greet=False)
+    client.greet(release_factor=4.0, held=np.array([(7, 7007), (10, 7010)], dtype=HELD_DTYPE))
+    client.tell(land(1, radius_m=20.0))
+    plan = client.run()[0]
+    assert (plan.load["id"].tolist(), plan.keep.tolist()) == ([0, 1, 2], [])
+    assert plan.nearby.tolist() == [7]
+    assert plan.release_radius_m == 80.0
+    assert queried_m == [20.0]
+
+
+class Ear(Observer):
+    """Keeps what it hears of aims."""
+
+    def __init__(self) -> None:
+        self.ended: list[tuple[int, int]] = []
+        self.judged: list[bool] = []
+
+    def aim_ended(self, sent_bytes: int, used_bytes: int) -> None:
+        self.ended.append((sent_bytes, used_bytes))
+
+    def aim_judged(self, *, hit: bool) -> None:
+        self.judged.append(hit)
+
+
+def listened(**limits: object) -> tuple[Client, Ear]:
+    scene, ear = make_scene(12, **limits), Ear()  # type: ignore[arg-type]
+    session = Session(scene, SessionLimits(), session_id="s", now_s=0.0, observer=ear)
+    client = Client(session, scene)
+    client.greet()
+    return client, ear
+
+
+def test_a_landing_elsewhere_wastes_and_is_a_miss() -> None:
+    client, ear = listened()
+    client.tell(aim(1))
+    client.run()
+    client.tell(land(2, 100.0))
+    client.run()
+    assert (ear.ended, ear.judged) == ([(3003, 0)], [False])
+
+
+def test_a_part_that_the_landing_continues_is_used_and_one_that_is_forgotten_is_not() -> None:
+    client, ear = listened(length=300_000)
+    client.tell(aim(1, radius_m=5.0))
+    client.run(most=2)
+    client.tell(land(2, radius_m=5.0))
+    client.run()
+    assert (ear.ended, ear.judged) == ([(MAX_CHUNK_BYTES, MAX_CHUNK_BYTES)], [False])
+    client.tell(aim(3, 100.0, radius_m=5.0))
+    client.run(until=lambda: client.chunks[-1].generation == 3)
+    client.tell(aim(4, 50.0, radius_m=5.0))
+    client.run(most=2)
+    assert ear.ended[1:] == [(MAX_CHUNK_BYTES, 0)]
+
+
+def test_evicted_rejected_and_left_segments_are_waste() -> None:
+    client, ear = listened()
+    client.tell(aim(1))
+    client.run()
+    client.tell(Evict(segments=ids(0, 7)))
+    client.held.discard(1)
+    client.tell(Reject(generation=1, segment=1, reason="hash_mismatch"))
+    assert ear.ended == [(1000, 0), (1001, 0)]
+    client.run()
+    client.session.ended()
+    assert ear.ended[2:] == [(1001 + 1002, 0)], "segment 1 came again"
+    assert sum(sent for sent, _ in ear.ended) == sum(chunk.length for chunk in client.chunks)

@@ -1,11 +1,12 @@
-"""The session state machine: landings, what supersedes them, credit, deadlines.
-
-What the files of the session's tests share stands in ``session_model.py``: small scenes, a client
-that keeps the rules, and short words for messages.
-"""
+"""The session state machine: landings, order of payload, credit, deadlines, timings."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from server.session_model import (
     Client,
     aim,
@@ -17,55 +18,25 @@ from server.session_model import (
     make_scene,
 )
 
-from terraport_server.session.interface import MakePlan, SendChunk
+from terraport_payload import box_distances_m
+from terraport_server.session.interface import MakePlan, SendChunk, SendMessage
 from terraport_wire import (
-    MAX_CHUNK_BYTES,
-    Budgets,
+    HELD_DTYPE,
     CloseCode,
     Credit,
-    Degraded,
     ErrorCode,
     Evict,
     Plan,
+    Prefetch,
     Ready,
+    Reject,
     Superseded,
+    Timings,
 )
 
+COUNT = 12
+
 # Landings.
-
-
-def test_a_landing_from_plan_to_ready() -> None:
-    client = make_client()
-    client.tell(land(1))
-    plan, *chunks, ready = client.run()
-    assert isinstance(plan, Plan)
-    assert plan.load["id"].tolist() == [0, 1, 2]
-    assert plan.load["length"].tolist() == [1000, 1001, 1002]
-    assert plan.load["xxh3"].tolist() == [7000, 7001, 7002]
-    assert (plan.load_bytes, plan.load_triangles, plan.release_radius_m) == (3003, 30, 31.25)
-    assert [chunk.segment for chunk in chunks] == [0, 1, 2]
-    assert isinstance(ready, Ready)
-    assert (ready.delivered, ready.payload_bytes, ready.missing.tolist()) == (3, 3003, [])
-
-
-def test_a_second_visit_loads_nothing() -> None:
-    client = make_client()
-    for generation, x in ((1, 0.0), (2, 100.0)):
-        client.tell(land(generation, x))
-        client.run()
-    client.tell(land(3))
-    plan, ready = client.run()
-    assert (plan.load_bytes, plan.keep.tolist(), ready.payload_bytes) == (0, [0, 1, 2], 0)
-
-
-def test_what_a_hop_leaves_behind_is_nearby_up_to_the_release_radius() -> None:
-    client = make_client()
-    client.tell(land(1, 40.0))
-    assert sorted(client.run()[0].load["id"].tolist()) == [2, 3, 4, 5, 6]
-    client.tell(land(2, 55.0, radius_m=20.0))  # segment 3 is 24 m away, 2 is 34 m
-    plan = client.run()[0]
-    assert (plan.keep.tolist(), plan.load["id"].tolist()) == ([4, 5, 6], [7])
-    assert (plan.nearby.tolist(), plan.release_radius_m) == ([3], 25.0)
 
 
 def test_what_is_nearby_may_be_evicted_while_the_landing_is_under_way() -> None:
@@ -79,31 +50,6 @@ def test_what_is_nearby_may_be_evicted_while_the_landing_is_under_way() -> None:
     assert kinds(client.run()) == ["SendChunk", "Ready"]
     client.tell(land(3, 40.0))
     assert client.run()[0].load["id"].tolist() == [3]
-
-
-def test_a_large_segment_goes_in_chunks_of_the_largest_frame() -> None:
-    client = make_client(make_scene(2, length=300_000))
-    client.tell(land(1, radius_m=5.0))
-    chunks = [item for item in client.run() if isinstance(item, SendChunk)]
-    assert [chunk.offset for chunk in chunks] == [0, MAX_CHUNK_BYTES, 2 * MAX_CHUNK_BYTES]
-    assert sum(chunk.length for chunk in chunks) == 300_000
-
-
-def test_empty_plan_is_ready_at_once() -> None:
-    client = make_client()
-    client.tell(land(1, -500.0, radius_m=5.0))
-    plan, ready = client.run()
-    assert (len(plan.load), ready.delivered) == (0, 0)
-
-
-def test_budgets_bound_load_and_keep_together() -> None:
-    client = make_client(greet=False)
-    client.greet(budgets=Budgets(max_triangles=25))
-    client.tell(land(1))
-    plan = client.run()[0]
-    assert plan.load["id"].tolist() == [0, 1]
-    assert (plan.omitted_segments, plan.omitted_by) == (1, "max_triangles")
-    assert plan.effective_radius_m == 20.0
 
 
 def test_the_server_bounds_the_plan_too() -> None:
@@ -121,44 +67,6 @@ def test_release_factor_of_the_client_wins() -> None:
     client.tell(land(2, radius_m=15.0))
     plan = client.run()[0]
     assert (plan.keep.tolist(), plan.nearby.tolist()) == ([0, 1], [2, 3])
-
-
-# Supersede.
-
-
-def test_supersede_drops_the_rest_and_continues_what_both_need() -> None:
-    client = make_client(make_scene(12, length=300_000))
-    client.tell(land(1))
-    client.run(until=lambda: len(client.chunks) == 4)  # segment 0 whole, one chunk of segment 1
-    client.tell(land(2, 10.0, radius_m=5.0))
-    superseded, plan, *chunks, ready = client.run()
-    assert isinstance(superseded, Superseded)
-    assert (superseded.generation, superseded.by) == (1, 2)
-    assert superseded.unsent_bytes == 300_001 - MAX_CHUNK_BYTES + 300_002
-    assert plan.keep.tolist() == []
-    assert plan.load["id"].tolist() == [1]
-    assert [chunk.offset for chunk in chunks] == [MAX_CHUNK_BYTES, 2 * MAX_CHUNK_BYTES]
-    assert {chunk.generation for chunk in chunks} == {2}
-    assert ready.payload_bytes == 300_001 - MAX_CHUNK_BYTES
-
-
-def test_parts_that_the_new_plan_does_not_need_are_forgotten() -> None:
-    client = make_client(make_scene(12, length=300_000))
-    client.tell(land(1))
-    client.run(until=lambda: len(client.chunks) == 1)
-    client.tell(land(2, 100.0, radius_m=5.0))
-    client.run()
-    client.tell(land(3, radius_m=5.0))
-    chunks = [item for item in client.run() if isinstance(item, SendChunk)]
-    assert chunks[0].offset == 0
-
-
-def test_a_finished_landing_is_not_superseded() -> None:
-    client = make_client()
-    client.tell(land(1))
-    client.run()
-    client.tell(land(2))
-    assert kinds(client.run()) == ["Plan", "Ready"]
 
 
 # Plans are made when it is the client's turn.
@@ -201,14 +109,6 @@ def test_a_plan_costs_what_is_near_and_what_is_held() -> None:
     assert client.looked_at == [3, 3 + 3]
 
 
-def test_an_aim_is_planned_after_the_landing_is_ready() -> None:
-    client = make_client()
-    client.tell(land(1))
-    client.tell(aim(2, 80.0))
-    assert kinds(client.run())[-2:] == ["SendChunk", "SendChunk"]
-    assert len(client.looked_at) == 2
-
-
 def test_a_deadline_counts_from_land_and_not_from_the_plan() -> None:
     client = make_client(make_scene(12, length=300_000))
     client.tell(land(1, deadline_ms=100, inner_radius_m=5.0))
@@ -228,25 +128,6 @@ def test_an_evict_between_land_and_plan_is_fatal() -> None:
 # Credit.
 
 
-def test_no_chunk_beyond_the_credit() -> None:
-    client = make_client(greet=False)
-    client.greet(credit_bytes=1500)
-    client.tell(land(1))
-    seen = client.run()
-    assert [item.length for item in seen[1:]] == [1000, 500]
-    assert client.run() == []
-    client.credit += 600
-    client.tell(Credit(bytes=600))
-    assert [item.length for item in client.run()] == [501, 99]
-
-
-def test_no_credit_no_payload_but_messages() -> None:
-    client = make_client(greet=False)
-    client.greet(credit_bytes=0)
-    client.tell(land(1))
-    assert kinds(client.run()) == ["Plan"]
-
-
 def test_credit_is_clamped() -> None:
     client = make_client(max_credit_bytes=1200)
     assert client.session.transfers is not None
@@ -256,22 +137,6 @@ def test_credit_is_clamped() -> None:
 
 
 # Deadlines.
-
-
-def test_degraded_when_the_deadline_passes_with_the_inner_set_whole() -> None:
-    client = make_client(greet=False)
-    client.greet(credit_bytes=1000)
-    client.tell(land(1, inner_radius_m=5.0, deadline_ms=500))
-    client.run()
-    assert client.session.wake_at_s() == 0.5
-    client.now_s = 0.6
-    client.session.tick(0.6)
-    (degraded,) = client.run()
-    assert isinstance(degraded, Degraded)
-    assert degraded.segments.tolist() == [0]
-    client.credit += 5000
-    client.tell(Credit(bytes=5000))
-    assert kinds(client.run()) == ["SendChunk", "SendChunk", "Ready"]
 
 
 def test_degraded_comes_late_if_the_inner_set_is_late_and_only_once() -> None:
@@ -287,14 +152,6 @@ def test_degraded_comes_late_if_the_inner_set_is_late_and_only_once() -> None:
     client.tell(Credit(bytes=500))
     assert kinds(client.run()) == ["SendChunk", "Degraded", "SendChunk"]
     client.session.tick(0.7)
-    assert client.run() == []
-
-
-def test_ready_in_time_is_never_degraded() -> None:
-    client = make_client()
-    client.tell(land(1, inner_radius_m=5.0, deadline_ms=500))
-    client.run()
-    client.session.tick(0.6)
     assert client.run() == []
 
 
@@ -338,12 +195,6 @@ def test_standing_still_brings_the_inner_set() -> None:
     assert go_on(client, 1.0, 5000) == ["SendChunk", "SendChunk", "Ready"]
 
 
-def test_a_stall_that_has_passed_stays_passed() -> None:
-    client = started(stall_ms=500)
-    assert go_on(client, 0.6, 0) == [], "the inner set is not whole"
-    assert go_on(client, 0.7, 1) == ["SendChunk", "Degraded"]
-
-
 def test_a_stall_that_nobody_ticked_at_counts() -> None:
     client = started(stall_ms=500)
     client.now_s = 0.6
@@ -358,3 +209,135 @@ def test_progress_does_not_put_off_the_last_deadline() -> None:
     assert client.session.wake_at_s() == 0.8
     assert go_on(client, 0.7, 1) == ["SendChunk"]
     assert go_on(client, 0.81, 0) == ["Degraded"]
+
+
+def landed(client: Client, generation: int, at_s: float, *, radius_m: float = 25.0) -> None:
+    """Land, and have the plan leave 1 ms later."""
+    client.now_s = at_s
+    client.tell(land(generation, radius_m=radius_m))
+    (plan,) = client.run(most=1)
+    assert isinstance(plan, Plan)
+    client.session.plan_sent(generation, at_s + 0.001)
+
+
+def timings(client: Client) -> Timings:
+    ready = client.messages[-1]
+    assert isinstance(ready, Ready)
+    assert ready.timings is not None
+    return ready.timings
+
+
+def test_times_count_from_land_and_credit_is_told_apart() -> None:
+    client = make_client(greet=False)
+    client.greet(credit_bytes=1000, timings=True)
+    landed(client, 1, 10.0)
+    client.now_s = 10.004
+    client.run()  # the first segment; then there is no credit
+    client.now_s = 10.504
+    client.tell(Credit(bytes=10_000))
+    client.credit += 10_000
+    client.now_s = 10.510
+    client.run()
+    times = timings(client)
+    assert (times.plan_us, times.first_byte_us) == (1000, 4000)
+    assert (times.last_byte_us, times.ready_us) == (510_000, 510_000)
+    assert times.credit_wait_us == 500_000
+
+
+def test_a_landing_without_payload_has_no_bytes_times() -> None:
+    client = make_client(greet=False)
+    client.greet(timings=True)
+    landed(client, 1, 0.0)
+    client.run()
+    client.now_s = 5.0
+    client.tell(land(2))
+    client.run()
+    times = timings(client)
+    assert (times.plan_us, times.first_byte_us, times.last_byte_us) == (None, None, None)
+    assert (times.ready_us, times.credit_wait_us) == (0, 0)
+
+
+def test_a_stall_of_the_landing_before_does_not_count() -> None:
+    client = make_client(greet=False)
+    client.greet(credit_bytes=1000, timings=True)
+    landed(client, 1, 0.0)
+    client.run()  # out of credit at once
+    client.now_s = 7.0
+    client.tell(land(2))
+    client.run()
+    client.now_s = 7.25
+    client.tell(Credit(bytes=10_000))
+    client.credit += 10_000
+    client.run()
+    assert timings(client).credit_wait_us == 250_000
+
+
+def test_access_withdrawn_ends_the_session_as_unauthorised() -> None:
+    client = make_client()
+    client.tell(land(1))
+    client.session.withdraw("the token has expired, expected a connection with a newer one")
+    client.session.withdraw("twice")
+    client.run()
+    error = client.messages[-1]
+    assert (error.code, error.fatal) == (ErrorCode.UNAUTHORISED, True)  # type: ignore[attr-defined]
+    assert client.close is not None
+    assert int(client.close.code) == 4401
+
+
+@settings(max_examples=200)
+@given(
+    x=st.integers(-10, 120),
+    radius=st.integers(5, 80),
+    kept=st.sets(st.integers(0, COUNT - 1)),
+    rejects=st.lists(st.tuples(st.integers(1, 6), st.integers(0, COUNT - 1)), max_size=6),
+)
+def test_the_nearest_that_is_due_goes_next_also_after_rejects_and_resume(
+    x: int, radius: int, kept: set[int], rejects: list[tuple[int, int]]
+) -> None:
+    # A landing of a client that offers what it kept.
+    scene = make_scene(COUNT, length=200_000)  # two chunks each
+    client = make_client(scene, greet=False)
+    hashes = scene.encodings["glb"].hashes
+    offer = [(segment, int(hashes[segment])) for segment in sorted(kept)]
+    client.greet(held=np.array(offer, dtype=HELD_DTYPE))  # as after a reconnect
+    client.tell(land(1, float(x), float(radius), inner_radius_m=min(5.0, radius)))
+    (plan,) = client.run(most=1)
+    # The model: what is due goes by distance, then by id, and what has begun goes on first.
+    distances = box_distances_m(scene.encodings["glb"].bounds, (float(x), 0.0, 0.0))
+    rank: Callable[[int], tuple[float, int]] = lambda s: (float(distances[s]), s)  # noqa: E731
+    due = set(plan.load["id"].tolist())
+    in_plan = due | set(plan.keep.tolist())
+    assert plan.load["id"].tolist() == sorted(due, key=rank)
+    resent: set[int] = set()
+    partly: int | None = None
+    script = list(rejects)
+    left = script[0][0] if script else -1
+    # Chunk by chunk; between them the client rejects as the script says.
+    while (action := client.session.next_action()) is not None:
+        if isinstance(action, SendMessage):
+            assert isinstance(action.message, Ready | Superseded | Prefetch)
+            if not script:
+                continue
+        else:
+            assert isinstance(action, SendChunk)
+            expected = min(due, key=rank) if partly is None else partly
+            assert action.segment == expected
+            client.session.chunks_sent([action], 0.0)
+            client.credit -= action.length
+            partly = action.segment
+            if action.offset + action.length == action.total:
+                partly = None
+                due.discard(action.segment)
+                client.held.add(action.segment)
+            left -= 1
+        if script and (left <= 0 or isinstance(action, SendMessage)):
+            segment = script.pop(0)[1]
+            left = script[0][0] if script else -1
+            # A segment of the plan comes once more, and only once.
+            if segment in client.held:
+                client.held.discard(segment)
+                if segment in in_plan and segment not in resent:
+                    due.add(segment)
+                    resent.add(segment)
+                client.tell(Reject(generation=1, segment=segment, reason="x"))
+    assert not due

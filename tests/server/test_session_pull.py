@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from server.session_model import (
     Client,
-    aim,
     assert_fatal,
     kinds,
     land,
@@ -28,11 +27,9 @@ from terraport_wire import (
     Held,
     HeldChecked,
     Plan,
-    Prefetch,
     PullInfo,
     Ready,
     Reject,
-    Superseded,
 )
 
 COUNT = 12
@@ -96,31 +93,6 @@ def test_ready_follows_what_the_client_tells() -> None:
     assert isinstance(ready, Ready)
 
 
-def test_a_wrong_hash_is_not_held() -> None:
-    client = make_puller()
-    client.tell(land(1))
-    client.run()
-    client.tell(Held(segments=np.array([(0, 1), (1, 7001)], dtype=HELD_DTYPE)))
-    (checked,) = client.run()
-    assert (checked.dropped.tolist(), checked.held_count) == ([0], 1)
-    assert client.session.transfers is not None
-    assert client.session.transfers.landing_open
-
-
-def test_a_newer_landing_ends_an_older_one() -> None:
-    client = make_puller()
-    client.tell(land(1))
-    client.run()
-    fetched(client, 0)
-    client.tell(land(2, x=100.0))
-    superseded, plan = client.run()
-    assert isinstance(superseded, Superseded)
-    assert superseded.unsent_bytes == 1001 + 1002
-    assert 0 not in plan.load["id"]
-    # What came late is held all the same.
-    assert fetched(client, 1)[0].held_count == 2
-
-
 def test_what_is_rejected_comes_in_frames_and_is_then_given_up() -> None:
     client = make_puller()
     client.tell(land(1))
@@ -149,21 +121,6 @@ def test_what_is_being_sent_again_is_not_held_by_word() -> None:
     client.held.discard(1)
     assert client.session.transfers is not None
     assert client.session.transfers.landing_open
-
-
-def test_an_aim_waits_for_the_landing_and_is_superseded() -> None:
-    client = make_puller()
-    client.tell(land(1))
-    client.tell(aim(2, x=100.0))
-    assert len(client.run()) == 1
-    prefetch = next(m for m in fetched(client, 0, 1, 2) if isinstance(m, Prefetch))
-    assert len(prefetch.blocks) == len(prefetch.segments) > 0
-    first = int(prefetch.segments["id"][0])
-    fetched(client, first)
-    client.tell(land(3, x=100.0))
-    superseded, plan = client.run()
-    assert isinstance(superseded, Superseded)
-    assert plan.keep.tolist() == [first]
 
 
 def test_the_deadline_goes_by_what_was_told() -> None:

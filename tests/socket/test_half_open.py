@@ -167,25 +167,3 @@ def test_a_link_that_swallows_everything(server: BackgroundServer, credit: int) 
     finally:
         hole.close()
     eventually(lambda: held_resources(server) == before)
-
-
-def test_others_go_on_meanwhile(server: BackgroundServer) -> None:
-    hole = Hole(server.port)
-    try:
-        with PlainClient(f"http://127.0.0.1:{hole.port}/scenes/pit", ping_interval=None) as lost:
-            lost.hello()
-            hole.swallow()
-            with PlainClient(server.scene_url("pit")) as client:
-                client.hello()
-                slowest_s = 0.0
-                for generation in range(1, 30):
-                    began_s = time.monotonic()
-                    client.send(Land(generation=generation, position=(0.0, 0.0, 0.0), radius_m=9.0))
-                    client.until(Plan)
-                    slowest_s = max(slowest_s, time.monotonic() - began_s)
-                    time.sleep(0.1)
-                assert slowest_s < IDLE_S, "nobody waits for who is gone"
-            assert closed(server, "timeout") == 1
-            hole.close()
-    finally:
-        hole.close()

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import logging
-import shutil
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import httpx
 import numpy as np
 import pytest
+from eventually import eventually
 from server.grid_scene import GridScene, write_grid_scene
 from server.plain_client import PlainClient, assemble
 
@@ -181,26 +180,7 @@ def test_a_scene_published_during_a_session(own: GridScene) -> None:
             assert not served.closed
             base = httpx.get(f"{url}/base.glb", params={"v": own.manifest.version})
             assert base.status_code == 200
-        _wait(lambda: served.closed)
-
-
-def test_scenes_come_and_go(own: GridScene, tmp_path: Path) -> None:
-    root = own.path.parent
-    with BackgroundServer(root, scene_poll_s=0.05) as server:
-
-        def listed() -> list[str]:
-            return [scene["id"] for scene in httpx.get(f"{server.url}/scenes").json()["scenes"]]
-
-        assert listed() == ["own"]
-        write_grid_scene(tmp_path / "elsewhere" / "other", seed=2)
-        (tmp_path / "elsewhere" / "other").rename(root / "other")
-        _wait(lambda: listed() == ["other", "own"])
-        with PlainClient(server.scene_url("other")) as client:
-            client.hello()
-            shutil.rmtree(root / "other")
-            _wait(lambda: listed() == ["own"])
-            client.send(land(1))
-            assert client.until(Ready)[0].missing.tolist() == [], "open files outlive their names"
+        eventually(lambda: served.closed)
 
 
 def test_a_damaged_new_version_leaves_the_old_one_served(own: GridScene) -> None:
@@ -238,23 +218,3 @@ def test_stopping_finishes_the_open_landing_and_says_when_to_come_back(own: Grid
         assert client.closed() == 4503
     stopping.join(10.0)
     assert not stopping.is_alive()
-
-
-def test_stopping_is_bounded_in_time(own: GridScene) -> None:
-    server = BackgroundServer(own.path.parent, drain_timeout_s=0.3, close_timeout_s=0.3)
-    server.start()
-    with PlainClient(server.scene_url("own")) as client:
-        client.hello(credit_bytes=0)
-        client.send(land(1))
-        client.expect(Plan)
-        began_s = time.monotonic()
-        server.stop()
-        assert time.monotonic() - began_s < 4.0
-        assert client.closed() == 4503
-
-
-def _wait(condition: Callable[[], bool], timeout_s: float = 10.0) -> None:
-    until_s = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < until_s, "waited in vain"
-        time.sleep(0.01)

@@ -10,7 +10,6 @@ import pytest
 from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient
 
-import terraport.sync
 from terraport_server import BackgroundServer
 from terraport_store import change_labels
 from terraport_wire import Hit, Notice, Pick, Picked
@@ -83,14 +82,3 @@ def asked_label(server: BackgroundServer) -> str | None:
     with PlainClient(server.scene_url("pit")) as client:
         client.hello()
         return asked_until(client, "new").label
-
-
-def test_the_sdk_hands_it_on(pit: Path, server: BackgroundServer) -> None:
-    change_labels(pit, {9: "haul road"})
-    with terraport.sync.connect(server.scene_url("pit")) as session:
-        end = time.monotonic() + 20
-        hit = session.pick(ABOVE)
-        while hit is not None and hit.label is None and time.monotonic() < end:
-            hit = session.pick(ABOVE)
-        assert hit is not None
-        assert (hit.region, hit.stable_id, hit.label) == (2, 9, "haul road")

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import random
-from contextlib import ExitStack
-from pathlib import Path
 
 import msgpack
 import numpy as np
@@ -17,8 +15,6 @@ from terraport_server import BackgroundServer
 from terraport_store import Scene
 from terraport_wire import (
     HELD_DTYPE,
-    MAX_FRAME_BYTES,
-    Aim,
     Budgets,
     Bye,
     Credit,
@@ -29,9 +25,7 @@ from terraport_wire import (
     Pick,
     Picked,
     Plan,
-    Prefetch,
     Ready,
-    Reject,
     Superseded,
     encode,
 )
@@ -103,34 +97,6 @@ def test_the_plan_equals_brute_force_over_random_landings(
             assert plan.nearby.tolist() == sorted(nearby)
             assert sorted(assemble(frames)) == sorted(load)
             held_ids |= set(load)
-
-
-def test_frames_are_bounded_and_a_large_segment_takes_several(
-    server: BackgroundServer, big: GridScene
-) -> None:
-    with PlainClient(server.scene_url("big")) as client:
-        client.hello()
-        client.send(land(1, radius_m=1.0))
-        client.expect(Plan)
-        _, frames, _ = client.until(Ready)
-    received = assemble(frames)
-    assert len(frames) > len(received)
-    assert max(len(frame.chunk) for frame in frames) + 24 == MAX_FRAME_BYTES
-    assert received == {segment: big.payloads[segment] for segment in received}
-
-
-def test_a_second_visit_costs_nothing(server: BackgroundServer) -> None:
-    with PlainClient(server.scene_url("grid")) as client:
-        client.hello()
-        client.send(land(1))
-        client.until(Ready)
-        client.send(land(2, (0.0, 0.0, 0.0), 5.0))
-        client.until(Ready)
-        client.send(land(3))
-        plan = client.expect(Plan)
-        ready, frames, _ = client.until(Ready)
-    assert (plan.load_bytes, ready.payload_bytes, frames) == (0, 0, [])
-    assert len(plan.keep) == SIDE * SIDE
 
 
 def test_resume_with_what_is_held(server: BackgroundServer, grid: GridScene) -> None:
@@ -219,22 +185,6 @@ def test_without_credit_nothing_comes_and_nobody_else_waits(
         assert len(stalled.receive().chunk) == 500  # type: ignore[union-attr]
 
 
-def test_an_aim_fetches_ahead(server: BackgroundServer) -> None:
-    with PlainClient(server.scene_url("grid")) as client:
-        client.hello()
-        client.send(Aim(generation=1, position=CENTRE, radius_m=20.0))
-        prefetch = client.expect(Prefetch)
-        got = 0
-        while got < prefetch.bytes:
-            frame = client.receive()
-            assert isinstance(frame, PayloadFrame)
-            got += len(frame.chunk)
-        client.send(land(2, radius_m=20.0))
-        plan = client.expect(Plan)
-        assert plan.load_bytes == 0
-        assert sorted(plan.keep.tolist()) == sorted(prefetch.segments["id"].tolist())
-
-
 def test_the_deadline_brings_the_inner_set(server: BackgroundServer, big: GridScene) -> None:
     with PlainClient(server.scene_url("big")) as client:
         client.hello(credit_bytes=2_000_000)
@@ -246,17 +196,6 @@ def test_the_deadline_brings_the_inner_set(server: BackgroundServer, big: GridSc
         assert set(degraded.segments.tolist()) <= whole
         client.send(Credit(bytes=1 << 30))
         client.until(Ready)
-
-
-def test_a_rejected_segment_comes_again(server: BackgroundServer, grid: GridScene) -> None:
-    with PlainClient(server.scene_url("grid")) as client:
-        client.hello()
-        client.send(land(1, radius_m=1.0))
-        client.until(Ready)
-        client.send(Reject(generation=1, segment=14, reason="hash_mismatch"))
-        ready, frames, _ = client.until(Ready)
-    assert assemble(frames) == {14: grid.payloads[14]}
-    assert (ready.generation, ready.missing.tolist()) == (1, [])
 
 
 @pytest.mark.parametrize(
@@ -306,29 +245,3 @@ def test_bye_is_answered_with_a_normal_close(server: BackgroundServer) -> None:
         client.hello()
         client.send(Bye())
         assert client.closed() == 1000
-
-
-def test_many_clients_at_once(server: BackgroundServer, grid: GridScene) -> None:
-    with ExitStack() as stack:
-        clients = [stack.enter_context(PlainClient(server.scene_url("grid"))) for _ in range(20)]
-        for client in clients:
-            client.hello()
-        for number, client in enumerate(clients):
-            client.send(land(1, (3.0 * number, 0.0, 30.0), 15.0))
-        for client in clients:
-            plan = client.expect(Plan)
-            _, frames, _ = client.until(Ready)
-            received = assemble(frames)
-            assert received == {s: grid.payloads[s] for s in plan.load["id"].tolist()}
-
-
-def test_mmap_serves_the_same_bytes(scenes_dir: Path, big: GridScene) -> None:
-    with (
-        BackgroundServer(scenes_dir, payload_source="mmap") as server,
-        PlainClient(server.scene_url("big")) as client,
-    ):
-        client.hello()
-        client.send(land(1, radius_m=12.0))
-        _, frames, _ = client.until(Ready)
-    received = assemble(frames)
-    assert received == {segment: big.payloads[segment] for segment in received}

@@ -14,6 +14,7 @@ from pathlib import Path
 import httpx
 import pytest
 import xxhash
+from eventually import eventually
 from s3_servers import Fault, FaultProxy, ProxiedRequest, s3_environment
 from server.grid_scene import SIDE, TILE_M, GridScene, write_grid_scene
 from server.plain_client import PlainClient, assemble
@@ -184,14 +185,7 @@ def test_labels_are_noticed(proxy: FaultProxy, tmp_path: Path) -> None:
         assert http.get("/scenes/own/labels.json").json()["labels"] == []
         change_labels(scene.path, {2: "bench"})
         upload_scene(scene.path, url)
-        wait_for(lambda: len(http.get("/scenes/own/labels.json").json()["labels"]) == 1)
-
-
-def wait_for(what: Callable[[], bool], timeout_s: float = 10.0) -> None:
-    due_s = time.monotonic() + timeout_s
-    while not what():
-        assert time.monotonic() < due_s, "did not happen in time"
-        time.sleep(0.02)
+        eventually(lambda: len(http.get("/scenes/own/labels.json").json()["labels"]) == 1)
 
 
 @pytest.mark.parametrize(
@@ -379,7 +373,7 @@ def test_storage_that_comes_late(
     with serve(url, tmp_path, object_timeout_s=0.4) as server:
         assert httpx.get(f"{server.url}/readyz").status_code == 503
         proxy.rule = lambda _: None
-        wait_for(lambda: httpx.get(f"{server.url}/scenes/well").status_code == 200)
+        eventually(lambda: httpx.get(f"{server.url}/scenes/well").status_code == 200)
         assert httpx.get(f"{server.url}/readyz").status_code == 200
         with PlainClient(server.scene_url("well")) as client:
             client.hello()
@@ -397,7 +391,7 @@ def test_it_stops_in_bounded_time_whatever_storage_does(
         proxy.rule = pack_of("pit", Fault(status=503))
         client.send(Land(generation=1, position=CENTRE, radius_m=EVERYWHERE_M))
         client.expect(Plan)
-        wait_for(lambda: counts(server).retries > 0)
+        eventually(lambda: counts(server).retries > 0)
         began_s = time.monotonic()
         server.stop()
         assert time.monotonic() - began_s < 4.0

@@ -59,24 +59,6 @@ def test_a_landing_far_outside_warns_and_knows_how_far(server: BackgroundServer)
     run(work())
 
 
-def test_survey_coordinates_are_recognised(server: BackgroundServer) -> None:
-    async def work() -> None:
-        async with terraport.connect(server.scene_url("grid")) as session:
-            with pytest.warns(terraport.OutsideSceneWarning, match=r"terraport\.frames\.to_scene"):
-                await session.land((500_030.0, 7_999_970.0, 101.0), 60.0)
-
-    run(work())
-
-
-def test_a_height_far_off_is_recognised(server: BackgroundServer) -> None:
-    async def work() -> None:
-        async with terraport.connect(server.scene_url("grid")) as session:
-            with pytest.warns(terraport.OutsideSceneWarning, match=r"Session\.pick finds"):
-                await session.land((30.0, 900.0, 30.0), 60.0)
-
-    run(work())
-
-
 def test_within_reach_nothing_is_said(server: BackgroundServer) -> None:
     async def work() -> None:
         async with terraport.connect(server.scene_url("grid")) as session:
@@ -84,18 +66,6 @@ def test_within_reach_nothing_is_said(server: BackgroundServer) -> None:
                 warnings.simplefilter("error")
                 for position in ((30.0, 1.0, 30.0), (-20.0, 1.0, 30.0)):
                     assert (await session.land(position, 60.0)).outside_m is None
-
-    run(work())
-
-
-def test_a_budget_that_leaves_out_all_is_another_matter(server: BackgroundServer) -> None:
-    async def work() -> None:
-        async with terraport.connect(server.scene_url("grid"), max_segments=0) as session:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")
-                landing = await session.land((30.0, 1.0, 30.0), 60.0)
-        assert landing.plan.omitted_segments
-        assert landing.outside_m is None
 
     run(work())
 

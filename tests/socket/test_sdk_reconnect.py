@@ -16,7 +16,6 @@ import terraport
 from terraport import Timeouts, backoff
 from terraport.errors import ConnectionFailedError, ServerError
 from terraport_server import BackgroundServer
-from terraport_store import Scene
 
 CENTRE = (SIDE * TILE_M / 2, 1.0, SIDE * TILE_M / 2)
 EVERYWHERE_M = 100.0
@@ -169,24 +168,6 @@ def test_a_server_that_restarts_with_a_new_version(tmp_path: Path) -> None:
     run(work())
 
 
-def test_a_new_version_is_announced(tmp_path: Path) -> None:
-    write_grid_scene(tmp_path / "grid", seed=0)
-
-    async def work() -> None:
-        with BackgroundServer(tmp_path, scene_poll_s=0.05) as server:
-            async with terraport.connect(server.url) as session:
-                assert session.newest_version is None
-                newer = await asyncio.to_thread(write_grid_scene, tmp_path / "grid", seed=1)
-                async with asyncio.timeout(10):
-                    while session.newest_version is None:  # noqa: ASYNC110 - raises no event
-                        await asyncio.sleep(0.01)
-                assert session.newest_version == newer.manifest.version
-                assert session.scene.version != newer.manifest.version
-                await (await session.land(CENTRE, radius_m=5.0)).ready(10)
-
-    run(work())
-
-
 def test_a_refusal_that_is_final_is_not_repeated(tmp_path: Path) -> None:
     """The scene is gone when the client comes back: it says so at once."""
     write_grid_scene(tmp_path / "grid")
@@ -203,72 +184,5 @@ def test_a_refusal_that_is_final_is_not_repeated(tmp_path: Path) -> None:
                         await session.land(CENTRE)
                     assert caught.value.code == "unknown_scene"
                     assert session.stats.connections == 1
-
-    run(work())
-
-
-def test_many_landings_stay_within_the_message_rate(scenes_dir: Path) -> None:
-    """Faster than the server allows: the client paces itself and is never closed for it."""
-
-    async def work() -> None:
-        with BackgroundServer(scenes_dir, max_messages_per_s=20.0) as strict:
-            async with terraport.connect(strict.scene_url("grid")) as session:
-                for number in range(170):  # 16 a second after the first 160
-                    landing = await session.land((number % 60, 0.0, 0.0), radius_m=1.0)
-                    await landing.ready(10)
-                assert session.stats.connections == 1
-
-    run(work())
-
-
-def test_cuts_at_random_bytes_with_an_offer_in_many_messages(scenes_dir: Path) -> None:
-    """The server takes five rows a message: hello is refused, the offer follows the welcome."""
-
-    async def work(server_url: str, payloads: list[bytes]) -> None:
-        chance = random.Random(11)
-        async with Proxy(server_url) as proxy:
-            proxy.cuts = [chance.randrange(1_000, 1_200_000) for _ in range(12)]
-            url = f"{proxy.url}/scenes/big"
-            async with terraport.connect(url, credit_bytes=300_000) as session:
-                session.aim(CENTRE, radius_m=15.0)
-                await asyncio.sleep(0.1)
-                landing = await session.land(CENTRE, radius_m=EVERYWHERE_M)
-                await landing.ready(40)
-                stats = session.stats
-                assert [s.payload for s in landing.segments] == payloads
-                assert stats.payload_bytes == sum(map(len, payloads)), "nothing whole came twice"
-                assert stats.repeated_bytes == 0
-                assert stats.connections > 8
-                await proxy.cut()
-                again = await session.land(CENTRE, radius_m=EVERYWHERE_M)
-                await again.ready(10)
-                assert again.stats.streamed_bytes == 0
-
-    with Scene.open(scenes_dir / "big") as scene:
-        payloads = [bytes(scene.payload(segment)) for segment in range(len(scene.index))]
-    with BackgroundServer(scenes_dir, max_held_segments=5, max_messages_per_s=1000.0) as server:
-        run(work(server.url, payloads))
-
-
-def test_an_aim_that_a_cut_ended_is_sent_anew(server: BackgroundServer, big: GridScene) -> None:
-    with Scene.open(big.path) as scene:
-        needed = sum(len(big.payloads[segment]) for segment in scene.within(CENTRE, 15.0))
-
-    async def work() -> None:
-        async with Proxy(server.url) as proxy:
-            proxy.cuts = [700_000]
-            url = f"{proxy.url}/scenes/big"
-            async with terraport.connect(url, credit_bytes=300_000) as session:
-                session.aim(CENTRE, radius_m=15.0)
-                while session.stats.prefetched_bytes < needed:  # noqa: ASYNC110 - nothing tells
-                    await asyncio.sleep(0.01)
-                assert session.stats.connections == 2
-                landing = await session.land(CENTRE, radius_m=15.0)
-                await landing.ready(10)
-                assert landing.plan.load_bytes == 0
-                stats = session.stats
-                assert stats.payload_bytes == stats.prefetched_bytes == landing.plan.total_bytes
-                assert stats.prefetch_used_bytes == stats.prefetched_bytes
-                assert stats.aim_hit_rate == 1.0
 
     run(work())

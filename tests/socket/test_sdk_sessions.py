@@ -95,41 +95,6 @@ def test_iteration_gives_each_segment_once_nearest_first(
     run(work())
 
 
-def test_a_second_visit_costs_no_payload_bytes(server: BackgroundServer) -> None:
-    """Not even after a visit elsewhere; and the picture is the same."""
-
-    async def work() -> None:
-        async with terraport.connect(server.scene_url("grid")) as session:
-            hashes = []
-            for position in (CORNER, CENTRE, CORNER):
-                landing = await session.land(position, radius_m=12.0)
-                await landing.ready(10)
-                hashes.append(await session.visible_set_hash())
-            assert landing.plan.load_bytes == 0
-            assert landing.stats.streamed_bytes == 0
-            assert landing.stats.memory_bytes == landing.plan.total_bytes
-            assert hashes[0] == hashes[2] != hashes[1]
-
-    run(work())
-
-
-def test_the_visible_set_does_not_depend_on_what_was_before(server: BackgroundServer) -> None:
-    """A fresh session and one with a history show the same at the same place."""
-
-    async def work() -> None:
-        hashes = set()
-        for history in ([], [CENTRE], [CENTRE, (55.0, 0.0, 5.0)]):
-            async with terraport.connect(server.scene_url("grid")) as session:
-                for position in [*history, CORNER]:
-                    for head in range(5):
-                        session.aim((head, 0.0, head), 15.0)
-                    await (await session.land(position, radius_m=15.0)).ready(10)
-                hashes.add(await session.visible_set_hash())
-        assert len(hashes) == 1
-
-    run(work())
-
-
 positions = st.tuples(st.floats(0, 60), st.floats(0, 2), st.floats(0, 60))
 
 
@@ -165,26 +130,6 @@ def test_after_every_hop_exactly_what_is_within_the_radius_is_shown(
     check()
 
 
-@pytest.mark.parametrize(
-    ("budget", "total"),
-    [("max_triangles", "total_triangles"), ("max_bytes", "total_bytes"), ("max_segments", None)],
-)
-def test_budgets_are_never_exceeded(server: BackgroundServer, budget: str, total: str) -> None:
-    async def work() -> None:
-        limit = {"max_triangles": 2000, "max_bytes": 20_000, "max_segments": 7}[budget]
-        async with terraport.connect(server.scene_url("grid"), **{budget: limit}) as session:
-            for position in (CENTRE, CORNER):
-                landing = await session.land(position, radius_m=EVERYWHERE_M)
-                await landing.ready(10)
-                plan = landing.plan
-                count = len(plan.load) + len(plan.keep)
-                assert (getattr(plan, total) if total else count) <= limit
-                assert plan.omitted_by == budget
-                assert plan.effective_radius_m < EVERYWHERE_M
-
-    run(work())
-
-
 def test_a_newer_landing_supersedes_the_older(server: BackgroundServer, big: GridScene) -> None:
     """Everyone who waits for the older one is told; the newer is whole; no byte comes twice."""
 
@@ -202,22 +147,6 @@ def test_a_newer_landing_supersedes_the_older(server: BackgroundServer, big: Gri
             assert [segment.id for segment in segments] == brute_force(big, CENTRE, 15.0)
             assert session.stats.repeated_bytes == 0
             assert len(first.segments) < len(big.payloads)
-
-    run(work())
-
-
-def test_an_aim_makes_the_landing_free(server: BackgroundServer) -> None:
-    async def work() -> None:
-        async with terraport.connect(server.scene_url("grid")) as session:
-            for x in range(20):
-                session.aim((x, 0.0, 0.0), radius_m=15.0)  # a hand moves; the last one counts
-            session.aim(CORNER, radius_m=15.0)
-            await _until(lambda: session.stats.payload_bytes > 0)
-            await _until(lambda: session.stats.prefetched_bytes == session.stats.payload_bytes)
-            landing = await session.land(CORNER, radius_m=15.0)
-            await landing.ready(10)
-            assert landing.stats.streamed_bytes == 0
-            assert landing.stats.memory_bytes == landing.plan.total_bytes > 0
 
     run(work())
 
