@@ -1,4 +1,4 @@
-"""A set of segment ids that costs what is in it, not what the scene has.
+"""Compact set of segment ids: memory grows with its size, not with the scene.
 
 PURE: no I/O, no clock.
 """
@@ -16,23 +16,22 @@ from terraport_wire import ID_DTYPE
 __all__ = ["IdSet", "ascending"]
 
 _MOST_ADDED: Final = 1024
-"""Ids kept in a Python set (some 60 bytes each) before they are sorted in among the others."""
+"""Maximum ids in the Python set (about 60 bytes each) before they are merged into the array."""
 
 _NONE: Final = np.zeros(0, dtype=ID_DTYPE)
 
 
 class IdSet:
-    """Segment ids: 4 bytes each, added one by one, asked for many at a time.
+    """Set of segment ids, 4 bytes each, for single insertions and bulk queries.
 
-    A landing adds its segments as they are sent, and asks of all candidates of the next one at
-    once. So single ids gather in a small Python set and are sorted in when many are asked for. A
-    session of an idle client in a scene of a million segments takes a few hundred bytes; an array
-    of a million booleans would take a megabyte, however little it holds.
+    A landing adds segments as they are sent, and the next plan queries all its candidates at once.
+    Single ids are collected in a small Python set, which bulk operations merge into a sorted array.
+    An array of booleans would take 1 MB per session in a scene of a million segments.
 
     Parameters
     ----------
     ids
-        What is in it at first, in any order; repeated ones count once.
+        Initial ids, in any order; duplicates are ignored.
 
     Examples
     --------
@@ -49,21 +48,21 @@ class IdSet:
     def __init__(self, ids: npt.ArrayLike | None = None) -> None:
         self._sorted: UInt32 = _NONE if ids is None else ascending(np.asarray(ids, dtype=ID_DTYPE))
         self._added: set[int] = set()
-        """Disjoint from the sorted ones."""
+        """Ids not in the sorted array yet; disjoint from it."""
 
     @classmethod
     def of_sorted(cls, ids: UInt32) -> IdSet:
-        """Return a set of ids that are ascending, each once, and not written to any more."""
+        """Return a set of ascending unique ids; not copied, so they must not change."""
         id_set = cls()
         id_set._sorted = ids
         return id_set
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of ids."""
         return len(self._sorted) + len(self._added)
 
     def __contains__(self, segment: int) -> bool:
-        """Return whether one id is in it."""
+        """Return whether an id is in the set."""
         return segment in self._added or self._is_sorted_in(segment)
 
     def contains(self, ids: AnyInt) -> Bool:
@@ -71,14 +70,14 @@ class IdSet:
         members = self.array()
         if len(members) == 0 or len(ids) == 0:
             return np.zeros(len(ids), dtype=np.bool_)
-        asked = ids.astype(ID_DTYPE, copy=False)  # another type would copy all of `members`
+        asked = ids.astype(ID_DTYPE, copy=False)  # another dtype would copy all of `members`
         positions = np.searchsorted(members, asked)
         positions[positions == len(members)] = 0
         is_member: Bool = members[positions] == asked
         return is_member
 
     def array(self) -> UInt32:
-        """Return all ids, ascending. The caller must not write to it."""
+        """Return all ids, ascending; the caller must not change the array."""
         if self._added:
             new = np.fromiter(self._added, dtype=ID_DTYPE, count=len(self._added))
             self._added.clear()
@@ -87,31 +86,31 @@ class IdSet:
         return self._sorted
 
     def add(self, segment: int) -> None:
-        """Put one id in."""
+        """Add an id."""
         if not self._is_sorted_in(segment):
             self.add_new(segment)
 
     def add_new(self, segment: int) -> None:
-        """Put one id in that the caller knows not to be in."""
+        """Add an id that the caller knows to be absent."""
         self._added.add(segment)
         if len(self._added) > _MOST_ADDED:
             self.array()
 
     def update(self, ids: AnyArray) -> None:
-        """Put many ids in."""
+        """Add many ids."""
         new = ascending(ids.astype(ID_DTYPE, copy=False))
-        new = new[~self.contains(new)]  # which also sorts in what was added
+        new = new[~self.contains(new)]  # also merges the added ids
         self._sorted = _merged(self._sorted, new)
 
     def discard(self, segment: int) -> None:
-        """Take one id out, where it is in."""
+        """Remove an id if it is present."""
         if segment in self._added:
             self._added.discard(segment)
         elif self._is_sorted_in(segment):
             self._sorted = np.delete(self._sorted, np.searchsorted(self._sorted, _id(segment)))
 
     def difference_update(self, ids: AnyArray) -> None:
-        """Take many ids out, where they are in."""
+        """Remove many ids, those that are present."""
         ids = ascending(ids.astype(ID_DTYPE, copy=False))
         gone = ids[self.contains(ids)]
         if len(gone):
@@ -125,11 +124,8 @@ class IdSet:
 
 
 def ascending(ids: UInt32) -> UInt32:
-    """Return ids ascending, each once.
-
-    To search for them in order is three times as fast, and NumPy's ``unique`` three times as slow.
-    """
-    if (ids[1:] > ids[:-1]).all():  # a tenth of sorting
+    """Return ids sorted and unique; three times as fast as ``numpy.unique``."""
+    if (ids[1:] > ids[:-1]).all():  # takes a tenth of the time of sorting
         return ids
     ordered = np.sort(ids)
     is_new = np.empty(len(ordered), dtype=np.bool_)
@@ -139,7 +135,7 @@ def ascending(ids: UInt32) -> UInt32:
 
 
 def _merged(one: UInt32, other: UInt32) -> UInt32:
-    """Return two ascending arrays as one; NumPy's stable sort merges runs."""
+    """Merge two ascending arrays; NumPy's stable sort detects the runs."""
     if not len(other):
         return one
     both = np.concatenate((one, other))

@@ -45,7 +45,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class SegmentTable:
-    """What planning needs to know about S segments of one scene in one payload encoding.
+    """Table of the S segments of a scene in one payload encoding, as the planner needs it.
 
     Rows 0 to S - 1 are the segments at full detail, S to 2 S - 1 those at the coarser level.
     """
@@ -61,9 +61,9 @@ class SegmentTable:
     vertices: UInt32
     """(S,) vertices."""
     texture_bytes: UInt64
-    """(S,) bytes of the texture on a GPU, mips included; 0 without one."""
+    """(S,) bytes of the texture on a GPU, including mipmaps; 0 without a texture."""
     levels: int = 1
-    """Rows of each segment."""
+    """Number of levels of detail: rows per segment."""
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -71,7 +71,7 @@ class SegmentTable:
 
     @property
     def segment_count(self) -> int:
-        """S."""
+        """Number of segments S."""
         return len(self.lengths) // self.levels
 
 

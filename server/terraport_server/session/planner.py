@@ -35,7 +35,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Budgets:
-    """Hard upper bounds on everything a plan makes resident (loaded, kept and nearby together).
+    """Upper bounds on the segments that a plan makes resident: loaded, kept and nearby together.
 
     ``None`` means no bound.
     """
@@ -53,55 +53,54 @@ class Budgets:
 NO_BUDGETS = Budgets()
 
 _MOST_OF_SHORT_INDICES: Final = 65534
-"""Vertices that 16-bit indices reach everywhere: 65535 restarts a strip on some GPUs."""
+"""Maximum vertices with 16-bit indices: 65535 is a restart index on some GPUs."""
 
 _LONG_FACE_BYTES: Final = 12
-"""Of a triangle with indices of 32 bits."""
+"""Bytes of a triangle with 32-bit indices."""
 
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """The outcome of :func:`select`; ``load`` and ``keep`` are disjoint and together the plan."""
+    """Result of :func:`select`; ``load`` and ``keep`` are disjoint and together the plan."""
 
     load: UInt32
-    """To be sent, nearest first."""
+    """Ids to send, nearest first."""
     keep: UInt32
-    """Within the radius and already held by the client, ascending."""
+    """Ids within the radius that the client holds, ascending."""
     nearby: UInt32
-    """Held beyond the radius and within the release radius: kept, not shown; ascending."""
+    """Held ids beyond the radius and within the release radius: kept but not shown; ascending."""
     plan: IdSet
-    """The ids of the plan, loaded and kept."""
+    """Ids of ``load`` and ``keep``."""
     order: UInt32
-    """The same, nearest first."""
+    """Ids of the plan, nearest first."""
     inner: UInt32
-    """The ids of the plan within ``inner_radius_m`` (none without one), nearest first."""
+    """Ids of the plan within ``inner_radius_m``, nearest first; empty without that radius."""
     effective_radius_m: float
-    """Everything nearer than this is in the plan; the radius asked for if nothing was left out."""
+    """The plan contains every segment nearer than this; the requested radius if none is omitted."""
     load_bytes: int
     load_triangles: int
     total_bytes: int
-    """Payload bytes of ``load`` and ``keep``; with those of ``nearby`` bounded by ``max_bytes``."""
+    """Payload bytes of ``load`` and ``keep``."""
     total_triangles: int
     total_gpu_bytes: int | None
-    """On the client's GPU, of ``load``, ``keep`` and ``nearby``; ``None`` where nothing bounds
-    them."""
+    """Bytes of ``load``, ``keep`` and ``nearby`` on the client's GPU; ``None`` without a budget."""
     omitted_segments: int
-    """Segments within the radius that were left out for a budget."""
+    """Number of segments within the radius that a budget omitted."""
     omitted_by: str | None
-    """The budget that left them out, by its field name in :class:`Budgets`; ``None`` for none."""
+    """Field name in :class:`Budgets` of the budget that omitted them; ``None`` if none did."""
 
 
 class Planner:
-    """Plans for one client in one scene.
+    """Planner for one client in one scene.
 
     Parameters
     ----------
     scene
-        What is served.
+        The served scene.
     limits
-        What the client may do.
+        Limits of the session.
     hello
-        What the client can take.
+        The client's encoding, budgets and release factor.
     """
 
     def __init__(self, scene: SceneView, limits: SessionLimits, hello: Hello) -> None:
@@ -113,7 +112,7 @@ class Planner:
         self._budgets = _budgets_of(hello, limits)
 
     def choose(self, wanted: Land | Aim, held: IdSet) -> tuple[Selection, int]:
-        """Return the plan's segments, and how many were looked at to choose them."""
+        """Return the selected segments and the number of segments examined."""
         release_radius_m = outer_release_m = wanted.radius_m * self.release_factor
         coarse = None
         if wanted.coarse_radius_m is not None and self.table.levels > 1:
@@ -144,10 +143,7 @@ class Planner:
         return box_distances_m(self.table.bounds[segments], wanted.position)
 
     def plan(self, land: Land, chosen: Selection) -> Plan:
-        """Return the ``plan`` of a landing, its table in the order in which segments are sent.
-
-        To a client that pulls it says where it fetches them.
-        """
+        """Return the ``plan`` of a landing; rows are in sending order, with blocks for pull."""
         return Plan.trusted(
             generation=land.generation,
             position=land.position,
@@ -169,7 +165,7 @@ class Planner:
         )
 
     def prefetch(self, aim: Aim, chosen: Selection) -> Prefetch:
-        """Return the ``prefetch`` of an aim, its table in the order in which segments are sent."""
+        """Return the ``prefetch`` of an aim; rows are in sending order."""
         rows = _load_table(chosen, self.table)
         return Prefetch.trusted(
             generation=aim.generation,
@@ -186,36 +182,36 @@ def find_candidates(
     centre: Sequence[float],
     release_radius_m: float,
 ) -> tuple[Int64, Bool]:
-    """Find what a landing may want: all that is near, and of what is held what is not far.
+    """Return the candidates of a plan: all near segments, and held ones within the release radius.
 
-    Beyond the load radius only held segments are looked at, never the scene: its ball of four times
-    the radius has sixteen times as many.
+    Beyond the load radius only held segments are examined, never the whole scene: a ball of four
+    times the radius contains sixteen times as many segments.
 
     Parameters
     ----------
     table
-        The scene's S segments.
+        Table of the scene.
     near
-        Every row that is to be shown, ascending.
+        Rows within the load radius, ascending.
     held
-        What the client holds.
+        Ids that the client holds.
     centre
-        Landing, metres, scene frame.
+        Position of the landing in metres, scene frame.
     release_radius_m
-        Keep within it; at least the largest load radius.
+        Radius within which held segments are kept; at least the largest load radius.
 
     Returns
     -------
     candidates : ndarray of int64
-        Ids, each once; every one that :func:`select` could want is among them.
+        Unique rows, including each one that :func:`select` may choose.
     is_held : ndarray of bool
-        For each of them whether it is held.
+        True for each candidate that is held.
     """
     ids = held.array()
-    if not len(ids):  # nothing is held: a dozen steps on nothing take as long as on a little
+    if not len(ids):  # skip a dozen NumPy calls
         return near, np.zeros(len(near), dtype=np.bool_)
-    # One axis after the other: of a large cache nearly all is far away. The margin keeps every box
-    # that the exact distance takes in, rounding included; select looks at those.
+    # Filter by axis, because most of a large cache is far away. The margin covers rounding; select
+    # computes the exact distances.
     for axis in (0, 2):
         at_m = np.float64(centre[axis])  # not a float, which would be rounded to float32
         reach_m = release_radius_m + 1e-12 * (release_radius_m + abs(at_m)) + 1e-30
@@ -242,51 +238,47 @@ def select(
     budgets: Budgets = NO_BUDGETS,
     coarse: tuple[float, float] | None = None,
 ) -> Selection:
-    """Choose the segments of one landing.
+    """Select the segments of one landing.
 
-    The plan is everything within ``radius_m``, and beyond it the coarser level of everything within
-    ``coarse``; of what is held, everything further within a level's release radius is kept nearby.
-    The budgets cut a strict prefix of both in the order
-    (distance, id), so what is nearby goes first.
-    spec/wire-protocol.md, sections 6.1 to 6.3.
+    The plan contains each segment within ``radius_m``, and beyond it the coarser level of each
+    segment within ``coarse``. Held segments further away, within their level's release radius, are
+    kept nearby. Budgets keep a prefix in the order (distance, id) of the plan, then of the nearby
+    segments, so that nearby segments are dropped first. spec/wire-protocol.md, sections 6.1 to 6.3.
 
     Parameters
     ----------
     table
-        The scene's S segments.
+        Table of the scene.
     candidates
-        Unique rows that include every one to be shown, and every held one within its level's
-        release radius (a superset is fine).
+        Unique rows: each one within its radius and each held one within its level's release
+        radius; more rows do no harm.
     centre
-        Landing, metres, scene frame.
+        Position of the landing in metres, scene frame.
     radius_m
-        Load within it; at least 0.
+        Load radius, at least 0.
     release_radius_m
-        Keep nearby within it; at least ``radius_m``.
+        Release radius, at least ``radius_m``.
     inner_radius_m
-        The declared degraded set's radius; ``None`` = there is no such set.
+        Radius of the inner set; ``None``: no inner set.
     held
-        True for each of ``candidates`` whose payload the client holds.
+        True for each candidate that the client holds.
     budgets
-        Hard bounds.
+        Upper bounds.
     coarse
-        Radius and release radius of the coarser level, each at least that of the detail; ``None`` =
-        it is not asked for.
+        Radius and release radius of the coarser level, each at least that of full detail; ``None``:
+        no coarser level.
 
     Returns
     -------
     Selection
-        One plan.
+        The plan.
 
     Notes
     -----
-    Invariant: within the plan, (distance, id) ascends; no segment left out for a budget stands
-    before one that is in, and whatever is nearby stands behind the plan.
-
-    O(C log C) in the number of candidates; never of the whole scene. Where a budget of segments
-    cuts most of it off, O(C) and the sorting of what it leaves.
+    O(C log C) in the number of candidates, independent of the scene's size; O(C) plus sorting the
+    result where a budget of segments omits most candidates.
     """
-    # What is wanted: near, or held and not yet far. Each segment is near at one level alone.
+    # Wanted rows: within the radius, or held and within the release radius; one level per segment.
     ids = np.asarray(candidates, dtype=np.int64)
     distances = box_distances_m(table.bounds[ids], centre)
     in_radius = distances <= radius_m
@@ -299,8 +291,7 @@ def select(
         in_radius[coarser] = in_ring[coarser]
     wanted = np.flatnonzero(in_radius | (held & is_kept))
 
-    # What is wanted is a prefix of the order: what comes behind the budget of segments need not be
-    # sorted.
+    # Rows beyond the budget of segments need not be sorted.
     omitted = 0
     most, inside = budgets.max_segments, np.flatnonzero(in_radius)
     if most is not None and len(inside) > 2 * (most + 1):
@@ -308,8 +299,7 @@ def select(
         omitted = int(np.count_nonzero(~head))
         wanted = inside[head]
 
-    # The order, and the longest prefix that keeps every budget. What is to be shown comes first: of
-    # what is kept some may be nearer than the ring.
+    # Longest prefix within all budgets. Shown rows first: a kept row may be nearer than the ring.
     order = wanted[np.lexsort((ids[wanted], distances[wanted], ~in_radius[wanted]))]
     ids, distances, in_radius, held = ids[order], distances[order], in_radius[order], held[order]
     count, omitted_by = _budget_prefix(table, ids, budgets)
@@ -320,7 +310,7 @@ def select(
     outer_m = radius_m if coarse is None else coarse[0]
     effective_radius_m = float(outer_m if within <= count else distances[count])
 
-    # Both halves of the plan.
+    # Load and keep.
     count = min(within, count)
     plan, plan_distances = ids[:count], distances[:count]
     load, keep = plan[~held[:count]], plan[held[:count]]
@@ -353,21 +343,21 @@ def select(
 
 
 def gpu_bytes(table: SegmentTable, ids: Int64, budgets: Budgets) -> Int64:
-    """Reckon what segments take on a client's GPU; spec/wire-protocol.md, section 6.2.
+    """Return the bytes of segments on a client's GPU; spec/wire-protocol.md, section 6.2.
 
     Parameters
     ----------
     table
-        The scene's S segments.
+        Table of the scene.
     ids
-        N of them.
+        N rows of the table.
     budgets
-        What a vertex and a triangle take there.
+        Bytes per vertex and triangle.
 
     Returns
     -------
     ndarray of shape (N,), int64
-        Bytes.
+        Bytes of each segment.
     """
     vertices, faces = table.vertices[ids].astype(np.int64), table.faces[ids].astype(np.int64)
     face_bytes = np.where(
@@ -381,7 +371,7 @@ def gpu_bytes(table: SegmentTable, ids: Int64, budgets: Budgets) -> Int64:
 
 
 def _totals(table: SegmentTable, ids: Int64) -> tuple[int, int]:
-    """Bytes and triangles of some segments."""
+    """Return payload bytes and triangles of segments."""
     if not len(ids):
         return 0, 0
     lengths, faces = table.lengths[ids], table.faces[ids]
@@ -389,10 +379,10 @@ def _totals(table: SegmentTable, ids: Int64) -> tuple[int, int]:
 
 
 def _budget_prefix(table: SegmentTable, ids: Int64, budgets: Budgets) -> tuple[int, str | None]:
-    """Length of the longest prefix within all budgets, and which budget ended it.
+    """Return the length of the longest prefix within all budgets, and the budget that ended it.
 
-    Where two budgets end at the same segment, the first of segments, triangles, bytes and GPU bytes
-    is named.
+    If two budgets end at the same segment, the first in this order is returned: segments,
+    triangles, bytes, GPU bytes.
     """
     count, omitted_by = len(ids), None
     if budgets.max_segments is not None and budgets.max_segments < count:
@@ -412,7 +402,7 @@ def _budget_prefix(table: SegmentTable, ids: Int64, budgets: Budgets) -> tuple[i
 
 
 def _budgets_of(hello: Hello, limits: SessionLimits) -> Budgets:
-    """Return what bounds every plan of a client: its own budgets and the server's."""
+    """Return the budgets of a client's plans: its own and the server's."""
     asked = hello.budgets
     most = limits.max_plan_segments
     if asked.max_segments is not None:

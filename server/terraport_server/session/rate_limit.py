@@ -1,4 +1,4 @@
-"""A bound on messages per second, averaged over a window.
+"""Token buckets: limits on messages per second, averaged over a window.
 
 PURE: no I/O, no clock.
 """
@@ -8,23 +8,23 @@ from __future__ import annotations
 __all__ = ["HELD_ROWS_PER_MESSAGE", "RATE_WINDOW_S", "RateLimit", "RatesByName"]
 
 HELD_ROWS_PER_MESSAGE = 4096
-"""So many rows of a ``held`` count as another message: they are looked at one by one."""
+"""Rows of ``held`` that cost as much as one message."""
 
 RATE_WINDOW_S = 10.0
-"""Messages per second are averaged over this time (spec/wire-protocol.md, section 12)."""
+"""Seconds over which the rate is averaged (spec/wire-protocol.md, section 12)."""
 
 _MAX_NAMES = 1000
 
 
 class RateLimit:
-    """A bucket of tokens that holds ``RATE_WINDOW_S`` of the rate and fills at the rate.
+    """Token bucket with a capacity of ``RATE_WINDOW_S`` times the rate.
 
     Parameters
     ----------
     per_s
         Messages per second.
     now_s
-        Time now; the bucket begins full.
+        Current time; the bucket starts full.
 
     Examples
     --------
@@ -41,12 +41,12 @@ class RateLimit:
 
     @property
     def broken_text(self) -> str:
-        """What whoever goes beyond it is told."""
+        """Error text for a client over the limit."""
         window = f"{self.per_s:g} per second in {RATE_WINDOW_S:g} s"
         return f"got more messages than {window}, expected fewer"
 
     def take(self, now_s: float, count: int = 1) -> bool:
-        """Take so many tokens; ``False``, and none taken, when there are fewer."""
+        """Take ``count`` tokens; return ``False``, taking none, if there are fewer."""
         gained = max(0.0, now_s - self._filled_s) * self.per_s
         self._tokens = min(self._most, self._tokens + gained)
         self._filled_s = max(self._filled_s, now_s)
@@ -57,12 +57,12 @@ class RateLimit:
 
 
 class RatesByName:
-    """The same rate for each of many names, of which the last to come are remembered.
+    """Token buckets by name, all with the same rate; only the most recent names are kept.
 
     Parameters
     ----------
     per_s
-        Messages per second of each.
+        Messages per second per name.
 
     Examples
     --------
@@ -76,7 +76,7 @@ class RatesByName:
         self._of: dict[str, RateLimit] = {}
 
     def take(self, name: str, now_s: float) -> bool:
-        """Take one of a name; ``False`` where it has none left."""
+        """Take one token of a name; return ``False`` if it has none left."""
         limit = self._of.pop(name, None) or RateLimit(self.per_s, now_s=now_s)
         self._of[name] = limit
         if len(self._of) > _MAX_NAMES:

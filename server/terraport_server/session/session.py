@@ -80,24 +80,24 @@ def no_hello_text(timeout_s: float) -> str:
 
 
 class Session:
-    """The state machine. One per connection; not thread-safe.
+    """State machine of one connection; not thread-safe.
 
     Parameters
     ----------
     scene
-        What is served.
+        The served scene.
     limits
-        What the client may do.
+        Limits of the session.
     session_id
-        For the logs of both sides.
+        Identifies the session in the logs of client and server.
     now_s
-        When the connection was accepted.
+        Time when the connection was accepted.
     authorise
-        Decides on ``hello.token``; ``None`` where that is settled already.
+        Checks ``hello.token``; ``None`` if the handshake already authorised the client.
     observer
-        Told of what happens, synchronously.
+        Receives events for metrics and logs, synchronously.
     groups
-        Way to the groups of this process; ``None`` where there are none.
+        Access to the groups of this process; ``None`` if groups are not served.
     """
 
     def __init__(
@@ -135,35 +135,34 @@ class Session:
 
     @property
     def pending(self) -> int:
-        """Actions waiting to be carried out, payload not counted.
+        """Number of queued actions, excluding payload and group news.
 
-        It grows only by what the client sends, so a caller that stops reading while it is high
-        keeps it bounded.
+        Only messages of the client add actions: to bound their number, stop reading.
         """
         return len(self._actions)
 
     @property
     def generation(self) -> int | None:
-        """The newest generation, for logs."""
+        """The newest generation; None before the first."""
         return self._generation
 
     @property
     def encoding(self) -> str:
-        """The payload encoding; only once it is welcome."""
+        """The payload encoding; only after the welcome."""
         assert self._transfers is not None
         return self._transfers.encoding
 
     @property
     def transfers(self) -> Transfers | None:
-        """What the client holds and is being sent, once it is welcome; to look at only."""
+        """State of landings, aims and held segments, read-only; None before the welcome."""
         return self._transfers
 
     def upcoming(self, most: int) -> list[int]:
-        """Return the segments that are sent next, in order, ``most`` of them at most."""
+        """Return at most ``most`` of the next segments in sending order."""
         return [] if self._transfers is None else self._transfers.upcoming(most)
 
     def wake_at_s(self) -> float:
-        """When :meth:`tick` has something to do at the latest."""
+        """Return the time at which :meth:`tick` must be called."""
         if self._transfers is None:
             times = [self._opened_s + self._limits.handshake_timeout_s]
         else:
@@ -175,10 +174,10 @@ class Session:
         return min(times)
 
     def next_action(self) -> Action | None:
-        """Return what to do next; ``None`` until something happens.
+        """Return the next action; ``None`` if there is none.
 
-        A :class:`SendChunk` or :class:`MakePlan` is returned again until it is answered; everything
-        else once.
+        A :class:`SendChunk` or :class:`MakePlan` is returned until it is carried out; every other
+        action once.
         """
         if self._actions:
             return self._actions.pop(0)
@@ -194,12 +193,12 @@ class Session:
         return chunks[0] if chunks else None
 
     def make_plan(self, now_s: float) -> int:
-        """Answer :class:`MakePlan`: plan the newest landing or aim, if one still waits.
+        """Carry out :class:`MakePlan`: plan the newest landing or aim, if one still waits.
 
         Returns
         -------
         int
-            How many segments were looked at: what it cost.
+            Number of segments examined: the cost of the plan.
         """
         if self._transfers is None or self.closing:
             return 0
@@ -208,16 +207,16 @@ class Session:
         return looked_at
 
     def next_chunks(self, most_bytes: int) -> list[SendChunk]:
-        """Return payload to send, ending with the chunk that reaches so many bytes.
+        """Return payload to send, ending with the chunk that reaches ``most_bytes``.
 
-        None while anything else goes first. Answer for those sent by :meth:`chunks_sent`.
+        Empty while other actions are queued. Report the chunks sent to :meth:`chunks_sent`.
         """
         if self._transfers is None or self._actions or self._group_news or self.closing:
             return []
         return self._transfers.next_chunks(most_bytes)
 
     def receive(self, message: Message | Unknown, now_s: float) -> None:
-        """Act on one decoded message; before ``hello`` every other one is fatal."""
+        """Handle one decoded message; before ``hello`` any other message is fatal."""
         if not self._admit(now_s):
             return
         transfers = self._transfers
@@ -253,7 +252,7 @@ class Session:
             self._close(CloseCode.NORMAL, "bye")
 
     def refuse(self, error: DecodeError, now_s: float) -> None:
-        """Answer one message that could not be decoded: fatal, or an error of its request."""
+        """Handle a message that could not be decoded: fatal, or an error of its request."""
         if not self._admit(now_s):
             return
         generation = request = None
@@ -265,11 +264,11 @@ class Session:
             self._error(error.code, str(error), generation=generation, request=request)
 
     def heard(self, now_s: float) -> None:
-        """Note that something, if only a pong, came from the client."""
+        """Record that data, if only a pong, was received."""
         self._heard_s = max(self._heard_s, now_s)
 
     def tick(self, now_s: float) -> None:
-        """Act on what time alone decides."""
+        """Handle timeouts and deadlines."""
         if self.closing:
             return
         limits, transfers = self._limits, self._transfers
@@ -285,19 +284,19 @@ class Session:
             transfers.settle(now_s)
 
     def chunks_sent(self, chunks: Sequence[SendChunk], now_s: float) -> None:
-        """Book as sent the chunk of :meth:`next_action`, or the first of :meth:`next_chunks`."""
+        """Record as sent the chunk of :meth:`next_action`, or the first of :meth:`next_chunks`."""
         assert self._transfers is not None
         self._transfers.chunks_sent(chunks, now_s)
         self._close_if_drained()
 
     def payload_failed(self, chunk: SendChunk, now_s: float) -> None:
-        """Note that the segment of that chunk cannot be read whole and right: it is missing."""
+        """Report the segment of a chunk as missing: its payload cannot be read or verified."""
         assert self._transfers is not None
         self._transfers.payload_failed(chunk, now_s)
         self._close_if_drained()
 
     def plan_sent(self, generation: int, now_s: float) -> None:
-        """Note that the plan of that generation was handed to the socket."""
+        """Record that the plan of a generation was handed to the socket."""
         if self._transfers is not None:
             self._transfers.plan_sent(generation, now_s)
 
@@ -308,13 +307,13 @@ class Session:
             self._send(Picked(request=request, hit=hit))
 
     def pick_failed(self, request: int) -> None:
-        """Say that a pick could not be answered; the session goes on."""
+        """Answer a pick with an error; the session continues."""
         self._open_picks -= 1
         if not self.closing:
             self._error(ErrorCode.INTERNAL, INTERNAL_TEXT, request=request)
 
     def scene_published(self, version: str) -> None:
-        """Tell, after the welcome at the earliest, that new sessions get a newer version."""
+        """Notify the client, after the welcome, of a newer version that new sessions get."""
         if self.closing:
             return
         if self._transfers is None:
@@ -325,9 +324,9 @@ class Session:
     def drain(
         self, now_s: float, timeout_s: float, *, reconnect_after_ms: int | None = None
     ) -> None:
-        """Go away: finish the open landing within the time, then close (10).
+        """Finish the open landing within ``timeout_s``, then close (10).
 
-        ``reconnect_after_ms`` is what the client is told; None: what the limits say.
+        ``reconnect_after_ms`` is sent to the client; None: that of the limits.
         """
         if self.closing or self._draining_until_s is not None:
             return
@@ -341,11 +340,11 @@ class Session:
         self._close_if_drained()
 
     def withdraw(self, text: str) -> None:
-        """End the session because its token opens the scene no more; the text says why."""
+        """End the session because its token no longer opens the scene."""
         self._fatal(ErrorCode.UNAUTHORISED, text)
 
     def tell_group(self, message: Message) -> None:
-        """Send a message of the group; of those that wait, only the newest of each type (16.4)."""
+        """Send a message of the group; only the newest of each type waits (16.4)."""
         if isinstance(message, Joined):
             self._group_news.clear()  # of the group joined before
             self._send(message)
@@ -354,12 +353,12 @@ class Session:
             self._group_news[message.TYPE] = message
 
     def ended(self) -> None:
-        """Settle the accounts: the connection is gone."""
+        """Report statistics of unused payload: the connection is closed."""
         if self._transfers is not None:
             self._transfers.end()
 
     def fail(self) -> None:
-        """End the session for a fault of our own, without telling what it was."""
+        """End the session after an internal error, without details."""
         self._fatal(ErrorCode.INTERNAL, INTERNAL_TEXT)
 
     def _on_hello(self, hello: Hello) -> None:
@@ -511,7 +510,7 @@ class Session:
         return True
 
     def _may_go(self, message: Land | Aim) -> bool:
-        """Check an aim or land against what this server allows now."""
+        """Check an aim or land against the limits; refuse it if needed."""
         most_m = self._limits.max_radius_m
         if self._draining_until_s is not None:
             text = f"got {message.TYPE} while the server goes away, expected a new connection"

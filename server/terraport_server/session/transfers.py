@@ -34,12 +34,12 @@ __all__ = ["Transfers"]
 
 
 class IdQueue:
-    """Segment ids in the order in which they are sent: 4 bytes each, a list of ints takes 36.
+    """Queue of segment ids in sending order, 4 bytes per id (36 in a list of ints).
 
     Parameters
     ----------
     ids
-        First to last.
+        In sending order.
 
     Examples
     --------
@@ -55,77 +55,77 @@ class IdQueue:
     def __init__(self, ids: UInt32) -> None:
         self._ids = array("I", ids.tobytes())
         self._first = 0
-        """How many are gone."""
+        """Index of the first queued id; ids before it were taken."""
 
     def __len__(self) -> int:
-        """Return how many wait."""
+        """Return the number of queued ids."""
         return len(self._ids) - self._first
 
     def __getitem__(self, position: int) -> int:
-        """Return one of those that wait, counted from the first; IndexError beyond the last."""
+        """Return the id at a position of the queue; IndexError beyond its end."""
         return self._ids[self._first + position]
 
     def __iter__(self) -> Iterator[int]:
-        """Go through those that wait."""
+        """Iterate over the queued ids."""
         ids = self._ids
         for position in range(self._first, len(ids)):
             yield ids[position]
 
     def __contains__(self, segment: object) -> bool:
-        """Tell whether an id waits."""
+        """Return whether an id is queued."""
         return segment in self._ids[self._first :]
 
     def popleft(self) -> None:
-        """Take the first one out."""
+        """Remove the first id."""
         self._first += 1
 
     def insert(self, position: int, segment: int) -> None:
-        """Put an id in before the one that has that position."""
+        """Insert an id at a position of the queue."""
         self._ids.insert(self._first + position, segment)
 
     def array(self) -> UInt32:
-        """Return a copy of those that wait."""
+        """Return a copy of the queued ids."""
         return np.array(self._ids[self._first :], dtype=np.uint32)
 
 
 class Transfer:
-    """What is still to be sent for one aim or landing, and what was.
+    """Payload of one aim or landing: ids to send, and counts of what was sent.
 
     Parameters
     ----------
     generation
-        The client's number.
+        Number of the aim or landing, given by the client.
     selection
-        The plan; its ``load`` is sent, in order.
+        The plan; its ``load`` is sent in this order.
     pulled
-        Whether the client fetches it by itself (17): nothing is sent but what it rejects.
+        Whether the client fetches the payload over HTTP (17): only rejected segments are sent.
     """
 
     def __init__(self, generation: int, selection: Selection, *, pulled: bool = False) -> None:
         self.generation = generation
         self.queue = IdQueue(selection.load[:0] if pulled else selection.load)
-        """Ids not yet sent whole; the first may be partly sent."""
+        """Ids not completely sent; the first may be partly sent."""
         self.awaited: set[int] = set(selection.load.tolist()) if pulled else set()
-        """Ids that the client fetches and has not said to hold; none of the queue."""
+        """Ids that the client fetches and has not confirmed; disjoint from the queue."""
         self.plan = IdSet.of_sorted(np.sort(selection.load))
-        """Ids that this generation answers for."""
+        """Ids of this generation; a reject of any other is ignored by it."""
         self._order = selection.order
         self.delivered = 0
-        """Segments sent whole."""
+        """Number of segments sent completely."""
         self.payload_bytes = 0
-        """Chunk bytes sent, repeated ones included."""
+        """Payload bytes sent, including segments sent twice."""
         self.resent: set[int] = set()
-        """Segments sent once more after a reject."""
+        """Segments queued again after a reject."""
 
     def put_back(self, segment: int, *, behind_first: bool) -> None:
-        """Queue a segment of the plan that is to be sent once more, at its place in the order.
+        """Queue a segment of the plan again, at its place in the order.
 
         Parameters
         ----------
         segment
             Not in the queue.
         behind_first
-            Whether the first one in the queue is partly sent: it goes on before anything else.
+            Whether the first queued segment is partly sent, so that it stays first.
         """
         rank = self._rank(segment)
         position = bisect(self.queue, rank, lo=int(behind_first), key=self._rank)
@@ -133,31 +133,31 @@ class Transfer:
 
     @property
     def pending(self) -> bool:
-        """Whether anything of the load is not held by the client yet."""
+        """Whether the client does not hold all of the load yet."""
         return bool(self.queue or self.awaited)
 
     def reject(self, segment: int, partly_sent: Mapping[int, int]) -> None:
-        """Queue a segment of the plan once more, if it was not before (6.4, rule 4)."""
+        """Queue a rejected segment again, once per generation (6.4, rule 4)."""
         if segment in self.queue or segment in self.resent:
             return
         self.awaited.discard(segment)
         self.resent.add(segment)
         self.put_back(segment, behind_first=bool(self.queue and partly_sent.get(self.queue[0])))
 
-    def fetched(self, ids: Iterable[int]) -> bool:
-        """Note what the client holds; tell whether any of it was awaited."""
+    def confirm(self, ids: Iterable[int]) -> bool:
+        """Record ids that the client holds; return whether any of them was awaited."""
         taken = self.awaited.intersection(ids)
         self.awaited -= taken
         self.delivered += len(taken)
         return bool(taken)
 
     def supersede(self, by: int, lengths: UInt32, partly_sent: Mapping[int, int]) -> Superseded:
-        """Say that a newer generation ends this one."""
+        """Return the message that a newer generation ends this one."""
         unsent_bytes = self.unsent_bytes(lengths, partly_sent)
         return Superseded(generation=self.generation, by=by, unsent_bytes=unsent_bytes)
 
     def unsent_bytes(self, lengths: UInt32, partly_sent: Mapping[int, int]) -> int:
-        """Payload bytes that are not sent, given how much of each unfinished segment is."""
+        """Return the payload bytes not sent, given the bytes sent of each partial segment."""
         sent_bytes = sum(sent for segment, sent in partly_sent.items() if segment in self.queue)
         unsent_bytes = int(lengths[self.queue.array()].sum(dtype=np.int64)) - sent_bytes
         if self.awaited:
@@ -166,23 +166,23 @@ class Transfer:
         return unsent_bytes
 
     def _rank(self, segment: int) -> int:
-        """Return where in the order a segment of the plan stands: one look at all of it."""
+        """Return the position of a segment in the plan's order, in O(plan)."""
         return int(np.argmax(self._order == segment))
 
 
 class Landing(Transfer):
-    """A :class:`Transfer` with a kept part, a deadline and an end.
+    """Transfer of a landing: it also has kept segments, deadlines and a ``ready``.
 
     Parameters
     ----------
     generation, selection
         As for a transfer.
     received_s
-        When ``land`` came, on the session's clock.
+        Time when ``land`` was received.
     deadline_s
-        When the inner set alone is acceptable, whatever comes; ``None`` = never.
+        Time from which the inner set is enough for ``degraded``; ``None``: never.
     stall_s
-        Seconds without progress after which it is; ``None`` = however long it stands still.
+        The same after this many seconds without progress; ``None``: never.
     pulled
         As for a transfer.
     """
@@ -204,54 +204,54 @@ class Landing(Transfer):
         self._stall_s = stall_s
         self.has_deadline = deadline_s is not None or stall_s is not None
         self.inner = selection.inner
-        """Ids of the declared degraded set, nearest first."""
+        """Ids of the inner set, nearest first."""
         self.missing: set[int] = set()
         """Segments of the plan that cannot be delivered."""
         self.ready = False
-        """``ready`` was said, and nothing was rejected since."""
-        self.readied = False
-        """``ready`` was said at least once."""
+        """``ready`` was sent, and nothing was rejected since."""
+        self.was_ready = False
+        """``ready`` was sent at least once."""
         self.deadline_passed = False
         self.degraded = False
-        """``degraded`` was said."""
+        """``degraded`` was sent."""
         self.planned_s: float | None = None
-        """When the plan was handed to the socket."""
+        """Time when the plan was handed to the socket."""
         self.first_byte_s: float | None = None
-        """When the first payload byte was sent."""
+        """Time of the first payload byte."""
         self.last_byte_s: float | None = None
-        """When the newest payload byte was sent."""
-        self.told_s: float | None = None
-        """When the client last said to hold something that it was to fetch."""
+        """Time of the newest payload byte."""
+        self.confirmed_s: float | None = None
+        """Time of the newest confirmation of a fetched segment."""
         self.credit_wait_s = 0.0
-        """How long there was payload to send and no credit."""
+        """Seconds during which payload waited for credit."""
 
     @property
     def unfinished(self) -> bool:
-        """Whether ``ready`` is still owed."""
+        """Whether ``ready`` is still to be sent."""
         return not self.ready
 
     @property
     def deadline_s(self) -> float | None:
-        """When the inner set alone is acceptable, if nothing more is sent (6.4, rule 3)."""
+        """Time from which the inner set is enough if no progress is made (6.4, rule 3)."""
         times = [] if self._deadline_s is None else [self._deadline_s]
         if self._stall_s is not None:
-            progress_s = max(self.received_s, self.last_byte_s or 0.0, self.told_s or 0.0)
+            progress_s = max(self.received_s, self.last_byte_s or 0.0, self.confirmed_s or 0.0)
             times.append(progress_s + self._stall_s)
         return min(times, default=None)
 
     @property
     def deadline_is_open(self) -> bool:
-        """Whether a deadline may still bring ``degraded``."""
+        """Whether ``degraded`` may still be sent."""
         return self.has_deadline and self.unfinished and not self.degraded
 
-    def look_at_clock(self, now_s: float) -> bool:
-        """Return whether a deadline has passed, now or before; what has passed stays passed."""
+    def check_deadline(self, now_s: float) -> bool:
+        """Return whether a deadline has passed, now or earlier; later progress does not undo it."""
         due_s = self.deadline_s
         self.deadline_passed = self.deadline_passed or (due_s is not None and now_s >= due_s)
         return self.deadline_passed
 
     def reject(self, segment: int, partly_sent: Mapping[int, int]) -> None:
-        """Queue a segment once more, or give it up; what was said to be ready is not."""
+        """Queue a rejected segment again, else report it as missing; ``ready`` is sent again."""
         if segment not in self.queue:
             given_up = segment in self.resent
             super().reject(segment, partly_sent)
@@ -259,15 +259,15 @@ class Landing(Transfer):
             self.awaited.discard(segment)
             self.ready = False
 
-    def told(self, ids: Iterable[int], now_s: float) -> None:
-        """Note what the client holds now: progress, for the deadline, where it was awaited."""
-        if self.fetched(ids):
+    def confirm_at(self, ids: Iterable[int], now_s: float) -> None:
+        """Record ids that the client holds; an awaited one counts as progress."""
+        if self.confirm(ids):
             if self.has_deadline:
-                self.look_at_clock(now_s)  # before this counts as progress
-            self.told_s = now_s
+                self.check_deadline(now_s)  # before this progress
+            self.confirmed_s = now_s
 
-    def say_ready(self, now_s: float, *, timings: bool) -> Ready:
-        """End it: everything is sent, or given up."""
+    def make_ready(self, now_s: float, *, timings: bool) -> Ready:
+        """Mark the landing as ready and return the message."""
         self.ready = True
         return Ready(
             generation=self.generation,
@@ -278,7 +278,7 @@ class Landing(Transfer):
         )
 
     def timings(self, now_s: float) -> Timings:
-        """Return when what was done, for a landing that becomes ready now (6.4, rule 8)."""
+        """Return the timings of a landing that becomes ready now (6.4, rule 8)."""
 
         def since_us(moment_s: float | None) -> int | None:
             if moment_s is None:
@@ -294,7 +294,7 @@ class Landing(Transfer):
         )
 
     def inner_is_whole(self, held: IdSet) -> bool:
-        """Whether the client holds all of the inner set that can be delivered."""
+        """Return whether the client holds the inner set, except for missing segments."""
         inner = self.inner
         return all(segment in self.missing for segment in inner[~held.contains(inner)].tolist())
 
@@ -305,15 +305,15 @@ class Transfers:
     Parameters
     ----------
     scene
-        What is served.
+        The served scene.
     limits
-        What the client may do.
+        Limits of the session.
     hello
-        What the client can take, and what it holds.
+        The client's capabilities, budgets and held segments.
     send
-        Takes the messages to send, in order.
+        Queues a message.
     observer
-        Told of what happens.
+        Receives events for metrics and logs.
     """
 
     def __init__(
@@ -335,45 +335,45 @@ class Transfers:
         self.release_factor = self._planner.release_factor
         """Release radius / load radius in use."""
         self.held = IdSet()
-        """What the client holds, in the server's view."""
+        """Ids that the client holds, as far as the server knows."""
         self._aim_bytes: dict[int, int] = {}
         """Payload bytes sent for aims by segment, until settled as used or wasted, each byte once:
         used if the next landing's plan has the segment, else wasted."""
         self._aim_unjudged = False
         """An aim was planned since the last landing."""
         self.pull = scene.pull if hello.delivery == "pull" else None
-        """Where the client fetches payload by itself (17); None where it is sent in frames."""
+        """Where the client fetches payload over HTTP (17); None: payload is sent in frames."""
         self._is_new = True
-        """Whether no aim or landing came yet."""
+        """No aim or landing was received yet."""
         self.credit_bytes = min(hello.credit_bytes, limits.max_credit_bytes)
         """Payload bytes that may still be sent."""
         self._partly_sent: dict[int, int] = {}
         self._landing: Landing | None = None
-        """The newest one that has a plan, until a newer one is accepted."""
+        """The newest planned landing, until a newer one is accepted."""
         self._aiming: Transfer | None = None
         self._waiting_land: Land | None = None
-        """Accepted and not planned yet; then there is no landing and no aim."""
+        """Landing that is accepted and not planned; then no other landing or aim is open."""
         self._landed_s = 0.0
-        """When the newest ``land`` came."""
+        """Time when the newest ``land`` was received."""
         self._waiting_aim: Aim | None = None
         self._stalled_since_s: float | None = None
-        """Since when there is payload to send and no credit."""
+        """Time since which payload waits for credit; None: none waits."""
         self.dropped = self.offer(hello.held)
-        """Ids offered by hello that were not accepted."""
+        """Ids in ``hello.held`` that were not accepted."""
 
     @property
     def payload_count(self) -> int:
-        """Payloads of the scene, of every level: ids are below it."""
+        """Number of payloads in the scene, of all levels; ids are below it."""
         return len(self._table)
 
     @property
     def may_offer(self) -> bool:
-        """Whether ``held`` may come: before any aim or landing, or of what is pulled (5.3, 17)."""
+        """Whether ``held`` is allowed: before any aim or landing, or in pull mode (5.3, 17)."""
         return self._is_new or self.pull is not None
 
     @property
     def landing_open(self) -> bool:
-        """Whether a landing is unfinished."""
+        """Whether a landing is open."""
         if self._waiting_land is not None:
             return True
         return self._landing is not None and self._landing.unfinished
@@ -387,19 +387,19 @@ class Transfers:
 
     @property
     def deadline_s(self) -> float | None:
-        """When :meth:`settle` has something to do because of time alone."""
+        """Time at which :meth:`settle` must be called; None: no deadline is open."""
         landing = self._landing
         if landing is None or not landing.deadline_is_open or landing.deadline_passed:
             return None
         return landing.deadline_s
 
     def grant(self, credit_bytes: int, now_s: float) -> None:
-        """Add credit, clamped to the limit (8.1)."""
+        """Add credit, up to the limit (8.1)."""
         self.credit_bytes = min(self.credit_bytes + credit_bytes, self._limits.max_credit_bytes)
         self._note_stall(now_s)
 
     def offer(self, held: AnyArray | None) -> UInt32:
-        """Take the offered segments whose hash is right; return the ids of the others (5.3)."""
+        """Accept the rows with the right hash as held; return the ids of the others (5.3)."""
         if held is None:
             return np.zeros(0, dtype=ID_DTYPE)
         ids = held["id"].astype(np.int64)
@@ -407,27 +407,27 @@ class Transfers:
         is_match[is_match] = self._table.hashes[ids[is_match]] == held["xxh3"][is_match]
         dropped = ascending(ids[~is_match].astype(ID_DTYPE))
         queued = self._queued()
-        if queued:  # rejected before, and being sent once more: held when that is done
+        if queued:  # rejected earlier and being sent again: held once that is done
             is_match[is_match] = [segment not in queued for segment in ids[is_match].tolist()]
         self.held.difference_update(dropped)  # an id offered again replaces its row
         self.held.update(ids[is_match])
         return dropped
 
     def take_held(self, held: AnyArray, now_s: float) -> UInt32:
-        """Take what the client says to hold by now; return the ids of wrong rows (5.3, 17)."""
+        """Accept rows of ``held``; return the ids with a wrong hash (5.3, 17)."""
         dropped = self.offer(held)
         if self.pull is None:
             return dropped
         ids = set(held["id"].tolist()).difference(dropped.tolist())
         if self._aiming is not None:
-            self._aiming.fetched(ids)
+            self._aiming.confirm(ids)
         if self._landing is not None:
-            self._landing.told(ids, now_s)
+            self._landing.confirm_at(ids, now_s)
         self.settle(now_s)
         return dropped
 
     def land(self, land: Land, now_s: float) -> None:
-        """End what is older; the plan follows by :meth:`make_plan` (6.3, 6.5)."""
+        """Accept a landing and end older generations; :meth:`make_plan` plans it (6.3, 6.5)."""
         if self._waiting_land is not None:
             self._drop_unplanned(self._waiting_land, land.generation)
         elif self._landing is not None and self._landing.unfinished:
@@ -438,7 +438,7 @@ class Transfers:
         self._note_stall(now_s)
 
     def make_plan(self, now_s: float) -> int:
-        """Plan the landing that waits, or else the aim; return how many segments were looked at."""
+        """Plan the waiting landing, else the aim; return the number of segments examined."""
         land, aim = self._waiting_land, self._waiting_aim
         if land is not None:
             self._waiting_land = None
@@ -470,13 +470,13 @@ class Transfers:
         self._observer.planned(land.generation, plan)
 
     def aim(self, aim: Aim, now_s: float) -> None:
-        """Take the newest aim; it is planned when no landing is open (7.2)."""
+        """Accept an aim; it is planned once no landing is open (7.2)."""
         self.end_aims(aim.generation)
         self._waiting_aim, self._is_new = aim, False
         self._note_stall(now_s)
 
     def end_aims(self, by: int | None) -> None:
-        """End the aims; ``by`` is the newer generation, ``None`` to say nothing about it."""
+        """End all aims; ``by`` is the newer generation, ``None`` sends no ``superseded``."""
         aiming, waiting = self._aiming, self._waiting_aim
         self._aiming = self._waiting_aim = None
         if by is None:
@@ -487,7 +487,7 @@ class Transfers:
             self._drop_unplanned(waiting, by)
 
     def evict(self, segments: AnyArray) -> str | None:
-        """Note that the client dropped segments; return why where it may not yet (6.7)."""
+        """Record segments that the client dropped; return an error text if not allowed (6.7)."""
         if self._waiting_land is not None and len(segments):
             return f"got evict of segment {segments.min()} after land, expected the plan first"
         if self._landing is not None and self._landing.unfinished:
@@ -500,7 +500,7 @@ class Transfers:
         return None
 
     def reject(self, reject: Reject, now_s: float) -> None:
-        """Send a segment once more, or give it up (6.4, rule 4)."""
+        """Queue a rejected segment again, else report it as missing (6.4, rule 4)."""
         segment = reject.segment
         self._observer.rejected(reject)
         self.held.discard(segment)
@@ -513,12 +513,12 @@ class Transfers:
             aiming.reject(segment, self._partly_sent)
 
     def upcoming(self, most: int) -> list[int]:
-        """Return the segments that are sent next, in order; the first may be partly sent."""
+        """Return the next segments in sending order; the first may be partly sent."""
         transfer = self._sending()
         return [] if transfer is None else list(islice(transfer.queue, most))
 
     def next_chunks(self, most_bytes: int) -> list[SendChunk]:
-        """Return chunks to send one after the other; they end where *most_bytes* are reached."""
+        """Return the next chunks, ending with the one that reaches *most_bytes*."""
         transfer, credit_bytes = self._sending(), self.credit_bytes
         if transfer is None or credit_bytes <= 0:
             return []
@@ -537,14 +537,14 @@ class Transfers:
         return chunks
 
     def chunks_sent(self, chunks: Sequence[SendChunk], now_s: float) -> None:
-        """Book the first so many of the chunks that :meth:`next_chunks` returned last."""
+        """Record as sent the leading chunks of the newest :meth:`next_chunks`."""
         transfer = self._answering(chunks[0])
         sent_bytes = sum(chunk.length for chunk in chunks)
         self.credit_bytes -= sent_bytes
         transfer.payload_bytes += sent_bytes
         if isinstance(transfer, Landing):
             if transfer.has_deadline:
-                transfer.look_at_clock(now_s)  # before this counts as progress
+                transfer.check_deadline(now_s)  # before this progress
             transfer.last_byte_s = now_s
             if transfer.first_byte_s is None:
                 transfer.first_byte_s = now_s
@@ -560,12 +560,12 @@ class Transfers:
                 continue
             transfer.queue.popleft()
             self._partly_sent.pop(chunk.segment, None)
-            self.held.add_new(chunk.segment)  # what is held is never queued
+            self.held.add_new(chunk.segment)  # a held segment is never queued
             transfer.delivered += 1
         self.settle(now_s)
 
     def payload_failed(self, chunk: SendChunk, now_s: float) -> None:
-        """Give up the segment of the chunk that :meth:`next_chunks` returned first."""
+        """Report as missing the segment of the first chunk of the newest :meth:`next_chunks`."""
         transfer = self._answering(chunk)
         transfer.queue.popleft()
         self._partly_sent.pop(chunk.segment, None)
@@ -578,28 +578,28 @@ class Transfers:
         self._waste_aimed(list(self._aim_bytes))
 
     def settle(self, now_s: float) -> None:
-        """Say what has become due: ``ready``, ``degraded``."""
+        """Send ``ready`` or ``degraded`` if due."""
         landing = self._landing
         if landing is not None and landing.unfinished:
             if not landing.pending:
                 self._finish(landing, now_s)
             elif (
                 landing.deadline_is_open
-                and landing.look_at_clock(now_s)
+                and landing.check_deadline(now_s)
                 and landing.inner_is_whole(self.held)
             ):
                 self._degrade(landing)
         self._note_stall(now_s)
 
     def plan_sent(self, generation: int, now_s: float) -> None:
-        """Note that the plan of that generation is on its way."""
+        """Record that the plan of a generation was handed to the socket."""
         landing = self._landing
         if landing is not None and landing.generation == generation:
             landing.planned_s = now_s
             self._observer.plan_sent(generation, now_s - landing.received_s)
 
     def _note_stall(self, now_s: float) -> None:
-        """Tell the time that a client's credit takes from the time that the server takes."""
+        """Measure how long payload waits for credit."""
         stalled = self.credit_bytes <= 0 and self._sending() is not None
         if stalled == (self._stalled_since_s is not None):
             return
@@ -614,9 +614,9 @@ class Transfers:
         self._observer.credit_stalled(stalled=stalled)
 
     def _finish(self, landing: Landing, now_s: float) -> None:
-        self._send(message := landing.say_ready(now_s, timings=self._timings))
-        if not landing.readied:
-            landing.readied = True
+        self._send(message := landing.make_ready(now_s, timings=self._timings))
+        if not landing.was_ready:
+            landing.was_ready = True
             self._observer.ready(message, now_s - landing.received_s)
 
     def _degrade(self, landing: Landing) -> None:
@@ -631,7 +631,7 @@ class Transfers:
         self._send(self._planner.prefetch(aim, chosen))
 
     def _queued(self) -> set[int]:
-        """Return what is sent once more to a client that pulls: few, or none."""
+        """Return the rejected segments being sent to a pull client."""
         if self.pull is None:
             return set()
         return {i for going in (self._landing, self._aiming) if going for i in going.queue}
@@ -639,7 +639,7 @@ class Transfers:
     def _sending(self) -> Transfer | None:
         landing, aiming = self._landing, self._aiming
         if aiming is not None and aiming.queue and self._partly_sent.get(aiming.queue[0]):
-            return aiming  # a reject may reopen a landing: segments still come one after the other
+            return aiming  # a reject may reopen a landing: finish the partly sent segment first
         if landing is not None and landing.unfinished:
             return landing if landing.queue else None
         return aiming if aiming is not None and aiming.queue else None
@@ -656,20 +656,20 @@ class Transfers:
         self._observer.superseded(message, landing=landing)
 
     def _drop_unplanned(self, wanted: Land | Aim, by: int) -> None:
-        """Say that what nobody planned is over: there is nothing of it to be sent (6.3, 7.2)."""
+        """Send ``superseded`` for a landing or aim that was never planned (6.3, 7.2)."""
         message = Superseded(generation=wanted.generation, by=by, unsent_bytes=0)
         self._send(message)
         self._observer.superseded(message, landing=isinstance(wanted, Land))
 
     def _forget_partly_sent(self, transfer: Transfer) -> None:
-        """Forget every part of a segment that is not to be sent now (6.5, rule 3)."""
+        """Forget partly sent segments that the new plan does not contain (6.5, rule 3)."""
         forgotten = [segment for segment in self._partly_sent if segment not in transfer.plan]
         for segment in forgotten:
             del self._partly_sent[segment]
         self._waste_aimed(forgotten)
 
     def _settle_aims(self, plan: IdSet, *, hit: bool) -> None:
-        """Settle the payload of aims by a landing's plan; a hit has nothing left to send."""
+        """Settle aimed payload by a landing's plan; ``hit``: the landing loads nothing."""
         if self._aim_unjudged:
             self._aim_unjudged = False
             self._observer.aim_judged(hit=hit)
@@ -679,7 +679,7 @@ class Transfers:
             self._observer.aim_ended(sum(sent.values()), used)
 
     def _waste_aimed(self, segments: Iterable[int]) -> None:
-        """Settle segments that are gone before a landing used them."""
+        """Settle aimed payload as wasted: evicted, rejected or not in a plan."""
         wasted = sum(self._aim_bytes.pop(segment, 0) for segment in segments)
         if wasted:
             self._observer.aim_ended(wasted, 0)
