@@ -51,7 +51,7 @@ from terraport_server.session.interface import (
     SessionLimits,
 )
 from terraport_server.session.session import Session
-from terraport_store import PackedRTree, RTreeIndex
+from terraport_store import PackedRTree
 from terraport_wire import (
     HEADER_BYTES,
     MAX_CHUNK_BYTES,
@@ -333,13 +333,9 @@ def measure_plan(size: Size) -> dict[str, Any]:
         vertices=rng.integers(1_000, 12_000, count, dtype=np.uint32),
         texture_bytes=np.zeros(count, np.uint64),
     )
-    # The product's index beside libspatialindex, for scale.
     began_s = time.perf_counter()
     tree = PackedRTree(bounds)
     packed_s = time.perf_counter() - began_s
-    began_s = time.perf_counter()
-    library = RTreeIndex(bounds)
-    library_s = time.perf_counter() - began_s
     # A session that has said hello and has credit for everything.
     view = SceneView("pit", "1", "pit", {"glb": table}, tree.within)
     limits = SessionLimits(max_messages_per_s=1e9)
@@ -350,7 +346,7 @@ def measure_plan(size: Size) -> dict[str, Any]:
     session.receive(hello, 0.0)
     session.next_action()
     # From the bytes of `land` to those of `plan`; the first ten landings warm the caches.
-    plan_ms, query_ms, library_ms, loaded = [], [], [], []
+    plan_ms, query_ms, loaded = [], [], []
     for generation in range(size.landings + 10):
         x, z = rng.uniform(0.2, 0.8, 2) * side * TILE_M
         land = Land(generation=generation, position=(x, 0.5, z), radius_m=171.0)
@@ -370,15 +366,12 @@ def measure_plan(size: Size) -> dict[str, Any]:
         plan_ms.append(1e3 * (time.perf_counter() - began_s))
         loaded.append(len(action.message.load))
         query_ms.append(timed_ms(lambda x=x, z=z: tree.within((x, 0.5, z), 171.0)))
-        library_ms.append(timed_ms(lambda x=x, z=z: library.within((x, 0.5, z), 171.0)))
     return {
         "segments": count,
         "loaded": statistics.median(loaded),
         "land_to_encoded_plan": percentiles(plan_ms[10:]),
         "query": percentiles(query_ms[10:]),
-        "query_libspatialindex": percentiles(library_ms[10:]),
         "build_s": packed_s,
-        "build_libspatialindex_s": library_s,
     }
 
 

@@ -17,7 +17,7 @@ from terraport.cli.lazy import VERBS
 SLOW = {
     "numpy", "scipy", "numba", "pyproj", "PIL", "trimesh", "pycolmap", "laspy", "fastapi",
     "uvicorn",
-    "httpx", "websockets", "terraport_store", "rtree", "psutil", "jinja2",
+    "httpx", "websockets", "terraport_store", "psutil", "jinja2",
 }  # fmt: skip
 
 PROGRAM = """

@@ -11,8 +11,7 @@ A scene is a directory that is published atomically; format in ``spec/scene-form
 * :func:`change_strokes`, :func:`read_strokes`, :class:`Stroke`: what people painted on it, and
   :func:`read_taught`, :func:`write_taught`: what that has taught;
 * :class:`SegmentIndex`, :class:`Cover`, :class:`Manifest`: what is in it;
-* :class:`SpatialIndex` with :class:`RTreeIndex`, :class:`PackedRTree` and
-  :class:`BruteForceIndex`: segments within a radius; :func:`spatial_index_of` chooses;
+* :class:`PackedRTree`: segments within a radius;
 * :class:`PayloadSource` with :class:`FileSource`, :class:`MmapSource`, :class:`MemorySource`;
 * :class:`SceneFiles`, :func:`scene_files`: where a scene lies. Object storage is in
   :mod:`terraport_store.object_files`, which needs ``terraport[s3]``.
@@ -65,9 +64,7 @@ from terraport_store.packed_rtree import PackedRTree
 from terraport_store.painting import change_strokes, read_strokes, read_taught, write_taught
 from terraport_store.reader import Scene
 from terraport_store.regions import RegionNames
-from terraport_store.rtree_index import RTreeIndex, spatial_index_of
 from terraport_store.source import FileSource, MemorySource, MmapSource, PayloadRange, PayloadSource
-from terraport_store.spatial import BruteForceIndex, SpatialIndex
 from terraport_store.strokes import Stroke, Strokes
 from terraport_store.validate import Finding, validate_scene
 from terraport_store.writer import SceneWriter
@@ -79,7 +76,6 @@ __all__ = [
     "AttributeInfo",
     "Axis",
     "Bounds",
-    "BruteForceIndex",
     "BuildInfo",
     "CorruptPayloadError",
     "Counts",
@@ -104,7 +100,6 @@ __all__ = [
     "PayloadRange",
     "PayloadSource",
     "PublishError",
-    "RTreeIndex",
     "RangeError",
     "RegionNames",
     "Scene",
@@ -115,7 +110,6 @@ __all__ = [
     "SceneNotFoundError",
     "SceneWriter",
     "SegmentIndex",
-    "SpatialIndex",
     "StoreError",
     "Stroke",
     "StrokeError",
@@ -141,7 +135,6 @@ __all__ = [
     "read_taught",
     "say_building",
     "scene_files",
-    "spatial_index_of",
     "validate_scene",
     "write_taught",
 ]

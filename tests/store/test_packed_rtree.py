@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from terraport_payload import box_distances_m
-from terraport_store import BruteForceIndex, PackedRTree, RTreeIndex, SpatialIndex
+from terraport_store import PackedRTree
 
 BOXES = np.array(
     [
@@ -22,9 +23,9 @@ BOXES = np.array(
 )
 
 
-@pytest.fixture(params=[BruteForceIndex, RTreeIndex, PackedRTree])
-def kind(request: pytest.FixtureRequest) -> type[RTreeIndex]:
-    return request.param
+def measured(boxes: np.ndarray, centre: Any, radius_m: float) -> np.ndarray:
+    """What the tree must answer: every box measured."""
+    return np.flatnonzero(box_distances_m(boxes, centre) <= radius_m)
 
 
 @pytest.mark.parametrize(
@@ -41,16 +42,15 @@ def kind(request: pytest.FixtureRequest) -> type[RTreeIndex]:
     ],
 )
 def test_answers_written_out(
-    kind: type[RTreeIndex], centre: tuple[float, float, float], radius: float, expected: list[int]
+    centre: tuple[float, float, float], radius: float, expected: list[int]
 ) -> None:
-    index: SpatialIndex = kind(BOXES)
-    segments = index.within(centre, radius)
+    segments = PackedRTree(BOXES).within(centre, radius)
     assert segments.tolist() == expected
     assert segments.dtype == np.int64
 
 
-def test_no_segment_at_all(kind: type[RTreeIndex]) -> None:
-    assert kind(np.zeros((0, 6), dtype=np.float32)).within((0, 0, 0), 10).tolist() == []
+def test_no_segment_at_all() -> None:
+    assert PackedRTree(np.zeros((0, 6), dtype=np.float32)).within((0, 0, 0), 10).tolist() == []
 
 
 @pytest.mark.parametrize(
@@ -63,11 +63,9 @@ def test_no_segment_at_all(kind: type[RTreeIndex]) -> None:
         ((0, 0), 1, "expected three finite numbers"),
     ],
 )
-def test_senseless_queries(
-    kind: type[RTreeIndex], centre: tuple[float, ...], radius: float, message: str
-) -> None:
+def test_senseless_queries(centre: tuple[float, ...], radius: float, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        kind(BOXES).within(centre, radius)
+        PackedRTree(BOXES).within(centre, radius)
 
 
 def boxes_strategy(elements: st.SearchStrategy[float]) -> st.SearchStrategy[np.ndarray]:
@@ -87,11 +85,10 @@ wide = st.floats(-3000, 3000, width=32)
     st.floats(0, 5000) | st.integers(0, 12).map(float),
 )
 @settings(max_examples=300)
-def test_rtree_equals_brute_force(
+def test_equals_every_box_measured(
     boxes: np.ndarray, centre: tuple[float, float, float], radius: float
 ) -> None:
-    expected = BruteForceIndex(boxes).within(centre, radius)
-    assert RTreeIndex(boxes).within(centre, radius).tolist() == expected.tolist()
+    expected = measured(boxes, centre, radius)
     for fanout in (2, 3, 8, 64):
         segments = PackedRTree(boxes, fanout, most_roots=fanout).within(centre, radius)
         assert segments.tolist() == expected.tolist()
@@ -101,25 +98,21 @@ def test_rtree_equals_brute_force(
 @example(np.full((1, 6), 6.010004e-22, np.float32), (0.0, 0.0, -1.0), 0)  # point and radius cancel
 @example(np.array([[0, 0, 0, 1, 1, 1]], np.float32), (-1e-170, 0.5, 0.5), 0)  # a square underflows
 @settings(max_examples=200)
-def test_rtree_equals_brute_force_at_the_very_distance(
+def test_equals_every_box_measured_at_the_very_distance(
     boxes: np.ndarray, centre: tuple[float, float, float], which: int
 ) -> None:
     """The radius is exactly some box's distance: inclusive in both, to the last bit."""
     radius = float(box_distances_m(boxes, centre)[which % len(boxes)])
-    tree, packed = RTreeIndex(boxes), PackedRTree(boxes, 3, most_roots=3)
+    tree = PackedRTree(boxes, 3, most_roots=3)
     for exact in (radius, math.nextafter(radius, 0), math.nextafter(radius, math.inf)):
-        expected = BruteForceIndex(boxes).within(centre, exact)
-        assert tree.within(centre, exact).tolist() == expected.tolist()
-        assert packed.within(centre, exact).tolist() == expected.tolist()
+        assert tree.within(centre, exact).tolist() == measured(boxes, centre, exact).tolist()
 
 
 def test_many_boxes_and_queries() -> None:
     rng = np.random.default_rng(5)
     low = rng.uniform(-500, 500, (5000, 3)).astype(np.float32)
     boxes = np.hstack([low, low + rng.uniform(0, 20, (5000, 3)).astype(np.float32)])
-    tree, packed, model = RTreeIndex(boxes), PackedRTree(boxes), BruteForceIndex(boxes)
+    tree = PackedRTree(boxes)
     for _ in range(50):
         centre, radius = rng.uniform(-600, 600, 3), float(rng.uniform(0, 200))
-        expected = model.within(centre, radius)
-        assert np.array_equal(tree.within(centre, radius), expected)
-        assert np.array_equal(packed.within(centre, radius), expected)
+        assert np.array_equal(tree.within(centre, radius), measured(boxes, centre, radius))
