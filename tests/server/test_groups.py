@@ -133,18 +133,6 @@ def test_landings_alone_cost_each_member_one_roster_a_second() -> None:
     assert hall.groups.wake_at_s() is None
 
 
-def test_a_landing_never_delays_what_else_there_is_to_tell() -> None:
-    hall, _ = filled("a")
-    hall.groups.landed("a", (1.0, 0.0, 0.0), hall.now_s)
-    hall.hear()
-    hall.wait(0.3)
-    hall.groups.landed("a", (2.0, 0.0, 0.0), hall.now_s)
-    assert hall.hear() == {}
-    hall.join("b")
-    assert places(hall.hear()["g"]) == [None, (2.0, 0.0, 0.0), None]
-    assert hall.wait(5.0) == {}, "it was told with the newcomer"
-
-
 def test_the_guide_lands_everybody_and_the_barrier_opens_when_all_are_ready() -> None:
     hall, _ = filled("a", "b")
     assert hall.groups.gather("g", gather_request(), hall.now_s) is None
@@ -177,14 +165,6 @@ def test_the_deadline_opens_the_barrier_and_says_who_is_where() -> None:
     assert (opened.ready.tolist(), opened.degraded.tolist()) == ([1], [2])
     assert opened.missing.tolist() == [3, 4]
     assert hall.groups.wake_at_s() is None
-
-
-def test_nobody_keeps_it_shut_longer_than_the_server_allows() -> None:
-    hall, _ = filled("a", group_deadline_s=7.0)
-    hall.groups.gather("g", gather_request(600_000), hall.now_s)
-    hall.hear()
-    assert hall.wait(6.9) == {}
-    assert set(of(hall.wait(0.2), Gathered)) == {"g", "a"}
 
 
 def test_a_lost_member_is_waited_for_a_while_then_left() -> None:
@@ -229,19 +209,6 @@ def test_an_unknown_seat_is_a_new_one() -> None:
     assert hall.join("a", wants(seat="guessed")) is None
     joined = of(hall.hear(), Joined)["a"]
     assert (joined.member, joined.seat) != (1, "guessed")
-
-
-def test_who_comes_late_is_told_where_the_group_is() -> None:
-    hall, _ = filled()
-    hall.groups.gather("g", gather_request(), hall.now_s)
-    hall.join("a")
-    assert of(hall.hear(), Gathering)["a"].left_ms == 60_000
-    hall.groups.arrived("g", 1, "ready")
-    assert of(hall.hear(), Gathered) == {}, "it is expected"
-    hall.groups.arrived("a", 1, "ready")
-    hall.hear()
-    hall.join("b")
-    assert of(hall.hear(), Gathering)["b"].left_ms is None
 
 
 def test_however_often_a_guide_gathers_members_hear_of_it_four_times_a_second() -> None:
@@ -474,3 +441,16 @@ def test_a_history_that_chance_found() -> None:
     history.wait(1.0)
     history.nobody_is_held_beyond_the_deadline()
     assert history.shut == {}
+
+
+def test_who_comes_late_is_told_where_the_group_is() -> None:
+    hall, _ = filled()
+    hall.groups.gather("g", gather_request(), hall.now_s)
+    hall.join("a")
+    assert of(hall.hear(), Gathering)["a"].left_ms == 60_000
+    hall.groups.arrived("g", 1, "ready")
+    assert of(hall.hear(), Gathered) == {}, "it is expected"
+    hall.groups.arrived("a", 1, "ready")
+    hall.hear()
+    hall.join("b")
+    assert of(hall.hear(), Gathering)["b"].left_ms is None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -15,7 +14,6 @@ from terraport_server.session.id_set import IdSet
 from terraport_server.session.interface import SegmentTable
 from terraport_server.session.planner import (
     Budgets,
-    Selection,
     find_candidates,
     select,
 )
@@ -39,28 +37,6 @@ def row_of_boxes(count: int) -> SegmentTable:
     """Unit boxes at x = 0, 10, 20, ...; 100 bytes and 10 faces each."""
     boxes = [(10.0 * i, 0.0, 0.0, 10.0 * i + 1.0, 1.0, 1.0) for i in range(count)]
     return make_table(boxes, [100] * count, [10] * count)
-
-
-def run(
-    table: SegmentTable,
-    radius_m: float,
-    *,
-    centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    factor: float = 1.25,
-    inner_radius_m: float | None = None,
-    held_ids: set[int] = frozenset(),  # type: ignore[assignment]
-    budgets: Budgets | None = None,
-) -> Selection:
-    return select(
-        table,
-        np.arange(len(table)),
-        centre,
-        radius_m,
-        release_radius_m=radius_m * factor,
-        inner_radius_m=inner_radius_m,
-        held=mask(len(table), held_ids),
-        budgets=budgets or Budgets(),
-    )
 
 
 def mask(count: int, ids: set[int]) -> Bool:
@@ -167,7 +143,8 @@ def scenes(draw: st.DrawFn) -> SegmentTable:
     table=scenes(),
     centre=st.tuples(coordinate, coordinate, coordinate),
     radius_m=st.integers(0, 60).map(lambda v: v / 2),
-    factor=st.sampled_from([1.0, 1.25, 2.0]),
+    factor=st.sampled_from([1.0, 1.25, 2.0, 4.0]),
+    nudge=st.sampled_from([0.0, 1e-9, -1e-9, 1e-12]),
     budgets=st.builds(
         Budgets, limit, limit, limit | st.integers(0, 6), st.none() | st.integers(0, 20_000)
     ),
@@ -178,22 +155,42 @@ def test_plan_equals_brute_force(
     centre: tuple[float, float, float],
     radius_m: float,
     factor: float,
+    nudge: float,
     budgets: Budgets,
 ) -> None:
-    ids = st.sets(st.integers(0, len(table) - 1))
-    held_ids = data.draw(ids, "held")
+    """From every candidate, shuffled, and from those that are near or held."""
+    held_ids = data.draw(st.sets(st.integers(0, len(table) - 1)), "held")
+    # Centres a hair off, and radii that end just at the border of a box.
+    centre = (centre[0] + nudge, centre[1], centre[2] - nudge)
+    distances = box_distances_m(table.bounds, centre)
+    if data.draw(st.booleans(), "to the border"):
+        radius_m = float(data.draw(st.sampled_from(distances.tolist()))) / factor
     plan, nearby, omitted = brute_plan(
         table, centre, radius_m, radius_m * factor, held_ids, budgets
     )
 
-    chosen = run(
-        table,
-        radius_m,
-        centre=centre,
-        factor=factor,
-        held_ids=held_ids,
-        budgets=budgets,
+    held = IdSet(sorted(held_ids))
+    near = np.flatnonzero(distances <= radius_m)
+    few, is_held = find_candidates(table, near, held, centre, radius_m * factor)
+    everything = np.array(data.draw(st.permutations(range(len(table)))), dtype=np.int64)
+    chosen, from_all = (
+        select(
+            table,
+            candidates,
+            centre,
+            radius_m,
+            release_radius_m=radius_m * factor,
+            inner_radius_m=radius_m / 2,
+            held=among,
+            budgets=budgets,
+        )
+        for candidates, among in ((few, is_held), (everything, held.contains(everything)))
     )
+    for name in ("load", "keep", "nearby", "order", "inner"):
+        assert getattr(chosen, name).tolist() == getattr(from_all, name).tolist(), name
+    in_half = [s for s in plan if brute_distance(table.bounds[s], centre) <= radius_m / 2]
+    assert chosen.inner.tolist() == in_half
+    assert chosen.order.tolist() == plan
 
     assert chosen.load.tolist() == [s for s in plan if s not in held_ids]
     assert chosen.keep.tolist() == sorted(s for s in plan if s in held_ids)
@@ -225,111 +222,19 @@ def test_plan_equals_brute_force(
     assert chosen.effective_radius_m == min([radius_m, *outside])
 
 
-@settings(max_examples=100)
-@given(data=st.data(), table=scenes(), centre=st.tuples(coordinate, coordinate, coordinate))
-def test_superset_and_order_of_candidates_do_not_matter(
-    data: st.DataObject, table: SegmentTable, centre: tuple[float, float, float]
-) -> None:
-    distances = box_distances_m(table.bounds, centre)
-    near = np.flatnonzero(distances <= 10.0)
-    shuffled = data.draw(st.permutations(range(len(table))))
-    plans = [
-        select(
+def test_the_radius_is_inclusive() -> None:
+    table, held = row_of_boxes(3), mask(3, set())
+    for radius_m, load in ((10.0, [0, 1]), (float(np.nextafter(10.0, 0.0)), [0])):
+        chosen = select(
             table,
-            np.array(candidates, dtype=np.int64),
-            centre,
-            8.0,
-            release_radius_m=10.0,
-            inner_radius_m=None,
-            held=np.zeros(len(candidates), dtype=np.bool_),
-        ).load.tolist()
-        for candidates in (near, shuffled)
-    ]
-    assert plans[0] == plans[1]
-
-
-few = st.none() | st.integers(0, 6)
-
-
-@settings(max_examples=400)
-@given(
-    data=st.data(),
-    table=scenes(),
-    centre=st.tuples(coordinate, coordinate, coordinate),
-    radius_m=st.integers(0, 30).map(lambda v: v / 2),
-    factor=st.sampled_from([1.0, 1.25, 2.0, 4.0]),
-    nudge=st.sampled_from([0.0, 1e-9, -1e-9, 1e-12]),
-    budgets=st.builds(Budgets, limit, limit, few),
-)
-def test_candidates_among_what_is_held_give_the_same_plan_as_all_within_both_radii(
-    data: st.DataObject,
-    table: SegmentTable,
-    centre: tuple[float, float, float],
-    radius_m: float,
-    factor: float,
-    nudge: float,
-    budgets: Budgets,
-) -> None:
-    held_ids = IdSet(data.draw(st.lists(st.integers(0, len(table) - 1)), "held"))
-    # Centres a hair off, and radii that end just at the border of a box.
-    centre = (centre[0] + nudge, centre[1], centre[2] - nudge)
-    distances = box_distances_m(table.bounds, centre)
-    if data.draw(st.booleans(), "to the border"):
-        radius_m = float(data.draw(st.sampled_from(distances.tolist()))) / factor
-    release_radius_m = radius_m * factor
-    everything = np.flatnonzero(distances <= release_radius_m)
-    near = np.flatnonzero(distances <= radius_m)
-
-    candidates, is_held = find_candidates(table, near, held_ids, centre, release_radius_m)
-
-    assert len(set(candidates.tolist())) == len(candidates)
-    assert set(candidates.tolist()) <= set(near.tolist()) | set(held_ids.array().tolist())
-    assert is_held.tolist() == held_ids.contains(candidates).tolist()
-    # The plan of the candidates is that of all segments within both radii, and brute force's.
-    plans = [
-        select(
-            table,
-            ids,
-            centre,
+            np.arange(3),
+            (0.0, 0.0, 0.0),
             radius_m,
-            release_radius_m=release_radius_m,
-            inner_radius_m=radius_m / 2,
-            held=held_ids.contains(ids),
-            budgets=budgets,
+            release_radius_m=radius_m,
+            inner_radius_m=None,
+            held=held,
         )
-        for ids in (everything, candidates)
-    ]
-    assert _facts(plans[0]) == _facts(plans[1])
-    in_full, nearby, omitted = brute_plan(
-        table, centre, radius_m, release_radius_m, set(held_ids.array().tolist()), budgets
-    )
-    assert plans[1].order.tolist() == in_full
-    assert plans[1].nearby.tolist() == nearby
-    assert plans[1].omitted_segments == omitted
-
-
-def _facts(plan: Selection) -> dict[str, object]:
-    return {
-        field.name: value.tolist()
-        if isinstance(value := getattr(plan, field.name), np.ndarray)
-        else value.array().tolist()
-        if isinstance(value, IdSet)
-        else value
-        for field in dataclasses.fields(plan)
-    }
-
-
-def test_radius_is_inclusive() -> None:
-    table = row_of_boxes(3)
-    assert run(table, 10.0).load.tolist() == [0, 1]
-    assert run(table, np.nextafter(10.0, 0.0)).load.tolist() == [0]
-
-
-def test_inner_is_what_of_the_plan_lies_within_the_inner_radius() -> None:
-    chosen = run(row_of_boxes(5), 45.0, inner_radius_m=20.0, held_ids={1})
-    assert chosen.load.tolist() == [0, 2, 3, 4]
-    assert chosen.inner.tolist() == [0, 1, 2]
-    assert run(row_of_boxes(5), 45.0).inner.tolist() == []
+        assert chosen.load.tolist() == load
 
 
 @settings(max_examples=200)

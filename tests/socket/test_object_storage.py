@@ -21,7 +21,6 @@ from server.plain_client import PlainClient, assemble
 
 from terraport_server import BackgroundServer
 from terraport_server.scenes.roots import ObjectRoot
-from terraport_store import change_labels
 from terraport_store.origin import ObjectCounts, ObjectOptions, Origin
 from terraport_store.upload import upload_scene
 from terraport_wire import Credit, Land, Notice, PayloadFrame, Pick, Picked, Plan, Ready
@@ -177,17 +176,6 @@ def test_everything_beside_the_stream_is_there_too(
             assert client.expect(Picked).hit is not None
 
 
-def test_labels_are_noticed(proxy: FaultProxy, tmp_path: Path) -> None:
-    scene = write_grid_scene(tmp_path / "own", cells=2, stable_ids=(4, 2, 9))
-    url = f"s3://scenes/{tmp_path.name}/own"
-    upload_scene(scene.path, url)
-    with serve(url, tmp_path) as server, httpx.Client(base_url=server.url) as http:
-        assert http.get("/scenes/own/labels.json").json()["labels"] == []
-        change_labels(scene.path, {2: "bench"})
-        upload_scene(scene.path, url)
-        eventually(lambda: len(http.get("/scenes/own/labels.json").json()["labels"]) == 1)
-
-
 @pytest.mark.parametrize(
     "fault",
     [Fault(status=503), Fault(cut_at=500), Fault(flip_at=100)],
@@ -302,19 +290,6 @@ def test_a_full_cache_disk_costs_nobody_a_segment(
             assert counts(server).uncached > 0
     finally:
         subprocess.run(["umount", "-l", str(disk)], check=True, timeout=10)
-
-
-def test_without_any_cache_on_disk(
-    url: str, scenes: tuple[GridScene, GridScene], tmp_path: Path
-) -> None:
-    with (
-        serve(url, tmp_path, object_cache_bytes=0, object_memory_bytes=1) as server,
-        PlainClient(server.scene_url("pit")) as client,
-    ):
-        client.hello()
-        _, received = land(client)
-        assert received == all_of(scenes[0])
-        assert not (tmp_path / "cache").exists()
 
 
 def test_the_bucket_is_gone(

@@ -350,17 +350,6 @@ def test_no_hello_in_time(scenes_dir: Path) -> None:
     assert (error.code, closed) == ("timeout", 4408)
 
 
-def test_silence_without_pongs(scenes_dir: Path) -> None:
-    """A client that reads nothing sends no pongs: it is told, and then dropped."""
-    with (
-        BackgroundServer(scenes_dir, idle_timeout_s=0.3, close_timeout_s=0.2) as running,
-        PlainClient(running.scene_url("big"), max_queue=1) as client,
-    ):
-        client.hello()
-        client.send(Land(generation=1, position=HERE, radius_m=100.0))
-        eventually(lambda: running.service.session_count == 0)
-
-
 def test_pongs_keep_a_silent_session(scenes_dir: Path) -> None:
     with (
         # Longer than a busy machine keeps the client from answering a ping.

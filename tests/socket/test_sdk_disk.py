@@ -77,30 +77,6 @@ def test_a_broken_file_is_sent_again_in_the_same_landing(
     run(work())
 
 
-def test_memory_of_nothing_is_enough_with_a_disk(server: BackgroundServer, tmp_path: Path) -> None:
-    """Evicted from memory, read from disk, never sent again; a budget stands for the cache."""
-
-    async def work() -> None:
-        async with terraport.connect(
-            server.scene_url("grid"),
-            cache_dir=tmp_path,
-            cache_bytes=0,
-            max_bytes=1 << 30,
-            release_factor=1.0,
-        ) as session:
-            for position in (CORNER, CENTRE):
-                await (await session.land(position, radius_m=12.0)).ready(10)
-                await session._worker.drained()
-            sent = session.stats.payload_bytes
-            for position in (CORNER, CENTRE) * 3:
-                landing = await session.land(position, radius_m=12.0)
-                await landing.ready(10)
-                assert session.stats.cache_bytes == landing.plan.total_bytes
-            assert session.stats.payload_bytes == sent
-
-    run(work())
-
-
 def test_a_small_disk_is_never_overfilled_and_nothing_is_missing(
     server: BackgroundServer, grid: GridScene, tmp_path: Path
 ) -> None:

@@ -197,22 +197,6 @@ def test_a_guide_that_is_cut_stays_the_guide_and_one_that_leaves_frees_the_seat(
     run(work())
 
 
-def test_who_comes_late_lands_where_the_group_is(server: BackgroundServer) -> None:
-    async def work() -> None:
-        async with AsyncExitStack() as stack:
-            _, groups = await party(stack, server.url, "late", 0)
-            call = await groups[0].land_group(CENTRE, 15.0)
-            await call.land()
-            await call.all_there(10)
-            late = await opened(stack, server.url)
-            group = await late.join_group("late")
-            called = await anext(aiter(group))
-            assert (called.position, called.left_s) == (CENTRE, None)
-            await (await called.land()).ready(10)
-
-    run(work())
-
-
 def test_a_newer_group_landing_overtakes_and_a_member_may_decline(server: BackgroundServer) -> None:
     async def work() -> None:
         async with AsyncExitStack() as stack:

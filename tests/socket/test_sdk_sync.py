@@ -5,7 +5,6 @@ from __future__ import annotations
 import _thread
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from server.grid_scene import SIDE, TILE_M
@@ -76,12 +75,6 @@ def test_outside_its_block_it_says_so(server: BackgroundServer) -> None:
         session.land(CENTRE)
     with pytest.raises(SessionClosedError, match="closed here"):
         landing.ready()
-
-
-def test_several_threads_may_call_at_once(server: BackgroundServer) -> None:
-    with terraport.sync.connect(server.scene_url("grid")) as session, ThreadPoolExecutor(4) as pool:
-        hits = list(pool.map(lambda x: session.pick((x, 50.0, 5.0)), [5.0, 15.0, 25.0, 35.0]))
-        assert [hit.segment for hit in hits] == [0, 1, 2, 3]
 
 
 def test_ctrl_c_ends_the_call_and_leaves_nothing_behind(server: BackgroundServer) -> None:
