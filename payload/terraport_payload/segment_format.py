@@ -1,0 +1,346 @@
+"""Segment format 2: one segment as a short head, one gzip stream of planes, and its image.
+
+Described in ``spec/segment-format.md``. Lossless on the scene's grid and scales, but for normals,
+which are rounded to 1.1 degrees (4.5 where an image is drawn without light).
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+import gzip
+import math
+import struct
+import zlib
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from terraport_payload.errors import PayloadError
+from terraport_payload.glb_texture import decode_uvs, encode_uvs
+from terraport_payload.grid import AttributeScale, decode_attribute, encode_attribute, grid_codes
+from terraport_payload.mesh import SegmentMesh
+from terraport_payload.meshcheck import check_mesh
+from terraport_payload.texture import MAX_IMAGE_BYTES, Texture
+from terraport_payload.types import AnyInt, Bool, Float32, Int32, Int64, UInt8, UInt16, UInt32
+
+__all__ = ["MAX_STREAM_BYTES", "decode_segment", "encode_segment"]
+
+MAX_STREAM_BYTES: Final = 1 << 28
+"""Of the planes, not compressed: 16 million vertices. Bounds what a few bytes can become."""
+
+_OUTER: Final = struct.Struct("<4sII")
+_MAGIC: Final = b"TSG2"
+_HEAD: Final = struct.Struct("<IIiiibBBxHHHxxII")
+_COLOURS, _UVS, _REGIONS = 1, 2, 4
+_IMAGES: Final = ("image/jpeg", "image/png", "image/webp", "image/ktx2")
+_POLE: Final = 127
+_TEXTURED_NORMAL_STEP: Final = 4
+_MOST_ATTRIBUTES: Final = 32
+_NO_REGION: Final = 0xFFFF
+
+
+def encode_segment(
+    mesh: SegmentMesh, *, step_m: float, scales: Mapping[str, AttributeScale]
+) -> bytes:
+    """Encode one segment. Faces keep their order, vertices get the order of their first use.
+
+    Parameters
+    ----------
+    mesh : SegmentMesh
+        Every vertex is used by a face.
+    step_m : float
+        Step of the scene's grid, metres; a power of two.
+    scales : mapping of str to AttributeScale
+        Every attribute of the scene, in the scene's order; the mesh may lack some.
+
+    Returns
+    -------
+    bytes
+        Fewest where each face shares an edge with the one before it.
+
+    Raises
+    ------
+    PayloadError
+        The mesh does not fit: more than 65535 steps along an axis, a vertex without a face, an
+        attribute that the scene does not have.
+    """
+    check_mesh(mesh)
+    names = list(scales)
+    if len(names) > _MOST_ATTRIBUTES or not set(mesh.attributes) <= set(names):
+        raise PayloadError(
+            f"attributes {sorted(mesh.attributes)}, expected some of the scene's {names}, of which "
+            f"there may be {_MOST_ATTRIBUTES}"
+        )
+    # (1) Faces as strips; vertices are numbered by their first use.
+    corners, starts, lefts = _strips(mesh.faces.astype(np.int64))
+    stream, order = _number_by_first_use(
+        corners[np.array([[0, 0, 1], [1, 1, 1]], bool)[starts * 1]]
+    )
+    if len(order) != len(mesh.positions):
+        raise PayloadError(
+            f"{len(mesh.positions)} vertices of which faces use {len(order)}, expected all"
+        )
+    is_new = np.zeros(len(stream), bool)
+    is_new[np.unique(stream, return_index=True)[1]] = True
+    planes = [_bits(starts), _bits(lefts), _bits(is_new)]
+    planes.append(_differences(stream[~is_new], 2 if len(order) <= 1 << 16 else 4))
+    # (2) What vertices have.
+    codes = grid_codes(mesh.positions, step_m)[order]
+    origin = codes.min(axis=0)
+    codes -= origin
+    if codes.max() > 0xFFFF:
+        raise PayloadError(f"{codes.max()} steps along an axis, expected at most 65535")
+    planes += [_differences(axis, 2) for axis in codes.T]
+    step = 1 if mesh.texture is None else _TEXTURED_NORMAL_STEP
+    planes += [_differences(axis, 1) for axis in _fold(mesh.normals[order], step).T]
+    flags, region, mask = 0, _NO_REGION, 0
+    if mesh.colours is not None:
+        flags |= _COLOURS
+        red, green, blue = mesh.colours[order].astype(np.int64).T
+        planes += [_differences(plane, 1) for plane in (green, red - green, blue - green)]
+    width = height = kind = 0
+    image = b""
+    if mesh.uvs is not None and mesh.texture is not None:
+        flags |= _UVS
+        image, width, height = mesh.texture.data, mesh.texture.width, mesh.texture.height
+        kind = 1 + _IMAGES.index(mesh.texture.media_type)
+        planes += [_differences(axis, 2) for axis in encode_uvs(mesh.uvs[order], width, height).T]
+    if mesh.region_ids is not None:
+        region = int(mesh.region_ids[0])
+        if (mesh.region_ids != region).any():
+            flags, region = flags | _REGIONS, _NO_REGION
+            planes.append(_differences(mesh.region_ids[order], 2))
+    for bit, (name, scale) in enumerate(scales.items()):
+        if name in mesh.attributes:
+            mask |= 1 << bit
+            planes.append(_differences(encode_attribute(mesh.attributes[name][order], scale), 2))
+    head = _HEAD.pack(
+        len(order), len(mesh.faces), *origin.tolist(), round(math.log2(step_m)), flags, kind,
+        region, width, height, mask, zlib.crc32(image),
+    )  # fmt: skip
+    packed = gzip.compress(head + b"".join(planes), 9, mtime=0)
+    return _OUTER.pack(_MAGIC, len(packed), len(image)) + packed + image
+
+
+def decode_segment(
+    data: bytes | memoryview, *, scales: Mapping[str, AttributeScale]
+) -> SegmentMesh:
+    """Decode one segment.
+
+    Parameters
+    ----------
+    data : bytes or memoryview
+        The whole segment.
+    scales : mapping of str to AttributeScale
+        As for :func:`encode_segment`.
+
+    Returns
+    -------
+    SegmentMesh
+        Scene frame, metres; arrays of its own.
+
+    Raises
+    ------
+    PayloadError
+        For anything that is not a whole segment: never another exception, whatever the bytes.
+    """
+    # (1) The two parts, and their checksums.
+    view = memoryview(data)
+    if len(view) < _OUTER.size:
+        raise PayloadError(f"{len(view)} bytes, expected at least {_OUTER.size}", offset=0)
+    magic, packed_bytes, image_bytes = _OUTER.unpack_from(view)
+    if magic != _MAGIC:
+        raise PayloadError(f"magic {magic!r}, expected {_MAGIC!r}", offset=0)
+    if _OUTER.size + packed_bytes + image_bytes != len(view) or image_bytes > MAX_IMAGE_BYTES:
+        raise PayloadError(
+            f"{len(view)} bytes, expected {_OUTER.size} + {packed_bytes} + {image_bytes}", offset=4
+        )
+    planes = _Planes(view[_OUTER.size : _OUTER.size + packed_bytes])
+    image = bytes(view[_OUTER.size + packed_bytes :])
+    (
+        vertices, faces, x, y, z, exponent, flags, kind, region, width, height, mask, crc,
+    ) = _HEAD.unpack(planes.take(_HEAD.size))  # fmt: skip
+    if not vertices or not faces or flags & ~7 or kind > len(_IMAGES):
+        raise PayloadError(
+            f"{vertices} vertices, {faces} faces, flags {flags}, image {kind}, expected at least "
+            f"one face, flags below 8, an image up to {len(_IMAGES)}"
+        )
+    if bool(kind) != bool(flags & _UVS) or bool(kind) != bool(image) or zlib.crc32(image) != crc:
+        raise PayloadError("an image that is damaged, or texture coordinates without one")
+    # (2) Faces.
+    starts, lefts = planes.bits(faces), planes.bits(faces)
+    is_new = planes.bits(faces + 2 * int(starts.sum()))
+    stream = np.cumsum(is_new, dtype=np.int32) - 1
+    if not starts[0] or int(stream[-1]) != vertices - 1:
+        raise PayloadError(f"{stream[-1] + 1} vertices in faces, expected {vertices}")
+    old = planes.differences(int((~is_new).sum()), 2 if vertices <= 1 << 16 else 4)
+    if (old > stream[~is_new]).any():
+        raise PayloadError("a face with a vertex that is not there yet")
+    stream[~is_new] = old  # at most what stood there: it fits
+    # (3) Vertices.
+    steps = planes.rows(vertices, 3, 2).astype(np.int32) + np.array([x, y, z], np.int32)
+    if not -1022 <= exponent <= 127 or np.abs(steps).max() >= 1 << 24:
+        raise PayloadError("a position 2^24 steps or more from the origin, expected less")
+    normals = _unfold(planes.rows(vertices, 2, 1))
+    colours = uvs = texture = regions = None
+    if flags & _COLOURS:
+        coded = planes.rows(vertices, 3, 1)
+        colours = coded[:, [1, 0, 2]] + coded[:, [0, 0, 0]] * np.array([1, 0, 1], np.uint8)
+    if flags & _UVS:
+        texture = Texture(image, _IMAGES[kind - 1], width, height)
+        uvs = decode_uvs(planes.rows(vertices, 2, 2), (0.5 / width, 0.5 / height))
+    if flags & _REGIONS:
+        regions = planes.differences(vertices, 2)
+    elif region != _NO_REGION:
+        regions = np.full(vertices, region, np.uint16)
+    attributes = {}
+    for bit, (name, scale) in enumerate(scales.items()):
+        if mask >> bit & 1:
+            attributes[name] = decode_attribute(planes.differences(vertices, 2), scale)
+    if mask >> len(scales) or planes.left:
+        raise PayloadError(f"{planes.left} bytes behind the last plane, expected none")
+    mesh = SegmentMesh(
+        (steps * 2.0**exponent).astype(np.float32), _faces(stream, starts, lefts), normals,
+        colours, regions, attributes, uvs, texture,
+    )  # fmt: skip
+    check_mesh(mesh)
+    return mesh
+
+
+class _Planes:
+    """The planes of a segment, taken one after the other."""
+
+    def __init__(self, packed: memoryview) -> None:
+        decoder = zlib.decompressobj(wbits=31)
+        try:
+            self._data = memoryview(decoder.decompress(packed, MAX_STREAM_BYTES))
+        except zlib.error as error:
+            raise PayloadError(f"planes are damaged ({error})", offset=_OUTER.size) from None
+        if not decoder.eof or decoder.unused_data:
+            raise PayloadError("planes are cut off or too long", offset=_OUTER.size)
+
+    @property
+    def left(self) -> int:
+        """Bytes that were not taken."""
+        return len(self._data)
+
+    def take(self, count: int) -> memoryview:
+        if count > len(self._data):
+            raise PayloadError(f"a plane of {count} bytes, expected at most {len(self._data)}")
+        taken, self._data = self._data[:count], self._data[count:]
+        return taken
+
+    def bits(self, count: int) -> Bool:
+        octets = np.frombuffer(self.take((count + 7) // 8), np.uint8)
+        return np.unpackbits(octets, count=count, bitorder="little").view(bool)
+
+    def differences(self, count: int, width: int) -> UInt16:
+        """Take planes of zigzag differences, lowest byte first; values modulo 2^(8 width)."""
+        octets = np.frombuffer(self.take(count * width), np.uint8).reshape(width, count)
+        kind = np.dtype(f"<u{width}")
+        zigzag = octets[0] if width == 1 else np.ascontiguousarray(octets.T).view(kind)[:, 0]
+        signed = (zigzag >> 1) ^ (0 - (zigzag & 1)).astype(kind)
+        return np.cumsum(signed, dtype=kind)
+
+    def rows(self, count: int, columns: int, width: int) -> UInt16:
+        return np.stack([self.differences(count, width) for _ in range(columns)], axis=1)
+
+
+def _differences(values: AnyInt, width: int) -> bytes:
+    """Make planes of what :meth:`_Planes.differences` takes."""
+    half = 1 << 8 * width - 1
+    whole = values.astype(np.int64)
+    difference = whole - np.concatenate([[0], whole[:-1]])
+    signed = ((difference + half) & (2 * half - 1)) - half
+    zigzag = ((signed << 1) ^ (signed >> 63)).astype(f"<u{width}")
+    octets: UInt8 = zigzag.view(np.uint8).reshape(len(zigzag), width)
+    return octets.T.tobytes()
+
+
+def _bits(values: Bool) -> bytes:
+    return np.packbits(values, bitorder="little").tobytes()
+
+
+def _strips(faces: Int64) -> tuple[Int64, Bool, Bool]:
+    """Rotate faces so that their last corner is the one that the face before does not have.
+
+    Returns
+    -------
+    corners : ndarray of shape (F, 3), int64
+        The edge (first, second corner) is the face before's edge from its third to its second
+        corner, or, where *lefts*, from its first to its third.
+    starts : ndarray of shape (F,), bool
+        Whether the face does not go on from the one before.
+    lefts : ndarray of shape (F,), bool
+    """
+    # Of each pair of neighbours in the order: which corners of one the other has.
+    before, after = faces[:-1], faces[1:]
+    equal = before[:, :, None] == after[:, None, :]
+    in_after, in_before = equal.any(axis=2), equal.any(axis=1)
+    pairs = np.arange(len(before))
+    lost, new = np.argmin(in_after, axis=1), np.argmin(in_before, axis=1)
+    goes_on = (in_after.sum(axis=1) == 2) & (in_before.sum(axis=1) == 2)
+    # The common edge runs the other way in the other face.
+    goes_on &= before[pairs, (lost + 1) % 3] == after[pairs, (new + 2) % 3]
+    # A face that goes back over the edge it came by starts anew.
+    goes_on[1:] &= lost[1:] != np.where(goes_on[:-1], new[:-1], 3)
+    starts = np.concatenate([[True], ~goes_on])
+    # A start is turned so that its next face lies right.
+    turn = np.concatenate([[0], (new + 1) % 3])
+    ahead = np.concatenate([np.where(goes_on, lost, 0), [0]])
+    turn = np.where(starts, ahead, turn)
+    corners = np.take_along_axis(faces, (turn[:, None] + np.arange(3)) % 3, axis=1)
+    lefts = np.zeros(len(faces), bool)
+    lefts[1:] = goes_on & (before[pairs, lost] == corners[:-1, 1])
+    return corners, starts, lefts
+
+
+def _faces(stream: Int32, starts: Bool, lefts: Bool) -> UInt32:
+    """Undo :func:`_strips`: first and second corner stay as they were last replaced."""
+    last = np.cumsum(1 + 2 * starts, dtype=np.int32) - 1
+    third = stream[last]
+    place = np.arange(len(starts), dtype=np.int32)
+    sides = []
+    for offset, replaced in ((2, ~lefts), (1, lefts)):
+        origin = np.maximum.accumulate(np.where(starts | replaced, place, 0))
+        value = np.where(starts[origin], stream[last[origin] - offset], third[origin - 1])
+        sides.append(value)
+    return np.stack([*sides, third], axis=1).astype(np.uint32)
+
+
+def _number_by_first_use(stream: Int64) -> tuple[Int64, Int64]:
+    """Give vertices numbers in the order of their first use.
+
+    Returns
+    -------
+    stream
+        In new numbers.
+    order
+        The old number of each.
+    """
+    old, first = np.unique(stream, return_index=True)
+    order = old[np.argsort(first)]
+    number = np.empty(int(old[-1]) + 1, np.int64)
+    number[order] = np.arange(len(order))
+    return number[stream], order
+
+
+def _fold(normals: Float32, step: int) -> Int64:
+    """Put unit vectors on the octahedron's square, whose middle is up, in 255 x 255 places."""
+    x, y, z = (normals / np.abs(normals).sum(axis=1, keepdims=True)).T
+    fold_x, fold_z = (1 - np.abs(z)) * np.copysign(1, x), (1 - np.abs(x)) * np.copysign(1, z)
+    square = np.stack([np.where(y < 0, fold_x, x), np.where(y < 0, fold_z, z)], axis=1)
+    codes = np.rint(square * (_POLE / step)).astype(np.int64) * step
+    return np.clip(codes, -_POLE, _POLE)
+
+
+def _unfold(codes: UInt16) -> Float32:
+    square = codes.astype(np.uint8).view(np.int8).astype(np.float32) / np.float32(_POLE)
+    y = 1 - np.abs(square).sum(axis=1)
+    below = np.maximum(-y, 0)[:, None]
+    square -= np.copysign(np.minimum(below, np.abs(square)), square)
+    vector = np.stack([square[:, 0], y, square[:, 1]], axis=1)
+    unit: Float32 = vector / np.linalg.norm(vector, axis=1, keepdims=True)
+    return unit
