@@ -27,8 +27,7 @@ from terraport_server import Settings
 from terraport_server.app import create_app
 from terraport_server.auth.gate import Gate, TokenPass
 from terraport_server.auth.keys import KeyRing, TokenKey, new_key
-from terraport_server.auth.signed_tokens import make_token
-from terraport_server.auth.token_file import StaticToken
+from terraport_server.auth.tokens import StaticToken, make_token
 from terraport_server.http_connection import http_protocol_class
 
 STATIC = 100

@@ -13,7 +13,7 @@ from engines.programs import Client
 
 from terraport_server import BackgroundServer
 from terraport_server.auth.keys import TokenKey, write_keys
-from terraport_server.auth.signed_tokens import make_token
+from terraport_server.auth.tokens import make_token
 
 KEY = TokenKey("k1", "HS256", bytes(range(32)))
 LAND = "land:30,1,30,22"

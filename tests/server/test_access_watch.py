@@ -22,7 +22,7 @@ from server.plain_client import PlainClient
 import terraport_server
 from terraport_server import BackgroundServer
 from terraport_server.auth.keys import TokenKey, new_key, write_keys
-from terraport_server.auth.signed_tokens import make_token
+from terraport_server.auth.tokens import make_token
 from terraport_wire import Land, Plan, Ready
 
 KEY = TokenKey("k1", "HS256", bytes(range(32)))

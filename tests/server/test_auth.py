@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from terraport_server.auth.gate import Gate, bearer_token, origin_is_allowed
-from terraport_server.auth.token_file import StaticToken, read_tokens
+from terraport_server.auth.tokens import StaticToken, read_tokens
 from terraport_server.errors import SettingsError
 from terraport_server.settings import Settings
 from terraport_wire import ErrorCode
@@ -41,9 +41,9 @@ def test_gate(token: str | None, scene: str, expected: ErrorCode | None) -> None
 def test_a_token_of_metrics_opens_no_scene_and_moves_no_group() -> None:
     gate = Gate([StaticToken("ops", "reads-the-metrics", scopes=frozenset({"metrics"}))])
     assert gate.check("reads-the-metrics", "pit") is ErrorCode.FORBIDDEN
-    assert not gate.may_guide("reads-the-metrics", "pit")
     bearer = gate.find("reads-the-metrics")
     assert bearer is not None
+    assert not bearer.guide
     assert gate.withdrawal(bearer, "pit") == "revoked"
 
 
@@ -98,7 +98,7 @@ def test_tokens_file(tmp_path: Path) -> None:
         (b"lonely\n", "line 1: got one word"),
         (b"ok aaaaaaaaaaaaaaaa\nbob short\n", "line 2.*5 characters"),
         (b"ok aaaaaaaaaaaaaaaa +gude pit\n", r"line 1: got \+gude, expected scopes out of \+land"),
-        (b"\xff\xfe\n", "no UTF-8"),
+        (b"\xff\xfe\n", "not UTF-8"),
         (b"a" * (1 << 20) + b"b", "larger than"),
     ],
 )

@@ -50,7 +50,9 @@ def test_from_key_to_open_scene(tmp_path: Path, algorithm: str) -> None:
     gate = Gate(None, read_keys(served))
     assert gate.check(token.strip(), "pit") is None
     assert gate.check(token.strip(), "other") is not None
-    assert gate.may_guide(token.strip(), "pit")
+    found = gate.find(token.strip())
+    assert found is not None
+    assert found.guide
     code, shown, _ = run("show", "-", "--keys", served, typed=token)
     assert code == 0
     assert '"sub": "anna"' in shown

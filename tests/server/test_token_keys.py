@@ -49,7 +49,7 @@ def test_a_public_key_signs_nothing() -> None:
         (f"k HS512 {SECRET}\n", "got algorithm 'HS512', expected one of: HS256, EdDSA"),
         (f"k none {SECRET}\n", "got algorithm 'none'"),
         ("k HS256 AAAA\n", "got a key of 3 bytes, expected 32 to 1024"),
-        ("k HS256 !!!!\n", "no base64url"),
+        ("k HS256 !!!!\n", "not base64url"),
         ("k EdDSA " + "A" * 44 + "\n", "got a key of 33 bytes, expected 32"),
         (f"k/y HS256 {SECRET}\n", "got id 'k/y', expected 1 to 64 letters"),
         (f"k HS256 {SECRET}\nk HS256 {SECRET}\n", "two keys of one id"),

@@ -16,7 +16,7 @@ from terraport.cli import app
 from terraport.errors import ServerError, SessionClosedError
 from terraport_server import BackgroundServer
 from terraport_server.auth.keys import TokenKey, write_keys
-from terraport_server.auth.signed_tokens import make_token
+from terraport_server.auth.tokens import make_token
 
 KEY = TokenKey("k1", "HS256", bytes(range(32)))
 POSITION = (30.0, 0.0, 30.0)

@@ -13,7 +13,7 @@ from server.plain_client import PlainClient, make_hello
 
 from terraport_server import BackgroundServer
 from terraport_server.auth.keys import TokenKey, write_keys
-from terraport_server.auth.signed_tokens import make_token
+from terraport_server.auth.tokens import make_token
 from terraport_server.logging import configure_logging, log
 from terraport_wire import Error, Land, Pick, Picked, Ready
 

@@ -17,7 +17,7 @@ import typer
 
 if TYPE_CHECKING:
     from terraport_server.auth.keys import TokenKey
-    from terraport_server.auth.scopes import Scope
+    from terraport_server.auth.tokens import Scope
 
 __all__ = ["register"]
 
@@ -125,8 +125,7 @@ def create(
     """
     # What the token grants, and when.
     from terraport_server.auth.keys import read_keys
-    from terraport_server.auth.scopes import LAND
-    from terraport_server.auth.signed_tokens import make_token, read_token
+    from terraport_server.auth.tokens import LAND, make_token, read_token
     from terraport_server.errors import SettingsError
     from terraport_wire import MAX_TOKEN_BYTES
 
@@ -181,12 +180,12 @@ def show(
       terraport token show - --keys keys < token          is it accepted, too?
     """
     from terraport_server.auth.keys import read_keys
-    from terraport_server.auth.signed_tokens import look_into, read_token
+    from terraport_server.auth.tokens import decode_unverified, read_token
     from terraport_server.errors import SettingsError
     from terraport_wire import MAX_TOKEN_BYTES
 
     text = sys.stdin.readline(MAX_TOKEN_BYTES + 2).strip() if token == _STANDARD_INPUT else token
-    decoded = look_into(text)
+    decoded = decode_unverified(text)
     if decoded is None:
         raise SettingsError("token", "this is no signed token, expected three parts and two dots")
     header, claims = decoded
@@ -248,7 +247,7 @@ def _lines(keys: tuple[TokenKey, ...], revoked: Any) -> list[str]:
 
 
 def _scopes(words: list[str] | None) -> frozenset[Scope]:
-    from terraport_server.auth.scopes import LAND, SCOPES, scopes_of
+    from terraport_server.auth.tokens import LAND, SCOPES, scopes_of
     from terraport_server.errors import SettingsError
 
     wrong = [word for word in words or () if word not in SCOPES]

@@ -1,4 +1,4 @@
-"""Who may see what: bearer tokens, and the origins of web pages."""
+"""Access control: bearer tokens, and the origins of web pages."""
 
 from __future__ import annotations
 
@@ -11,65 +11,70 @@ from typing import Literal
 from urllib.parse import urlsplit
 
 from terraport_server.auth.keys import KeyRing, read_keys
-from terraport_server.auth.scopes import EVERYTHING, LAND, Scope
-from terraport_server.auth.signed_tokens import SignedClaims, read_token
-from terraport_server.auth.token_file import StaticToken, check_token, read_tokens
+from terraport_server.auth.tokens import (
+    EVERYTHING,
+    LAND,
+    Scope,
+    SignedClaims,
+    StaticToken,
+    check_token,
+    read_token,
+    read_tokens,
+)
 from terraport_server.settings import Settings
 from terraport_wire import MAX_TOKEN_BYTES, ErrorCode
 
 __all__ = ["Gate", "TokenPass", "Withdrawal", "bearer_token", "origin_is_allowed", "static_tokens"]
 
 Withdrawal = Literal["expired", "revoked"]
-"""Why a token that opened a scene does so no more."""
+"""Why a token no longer opens a scene."""
 
 
 @dataclass(frozen=True, slots=True)
 class TokenPass:
-    """What one token opens; what is left of it once it was shown."""
+    """The rights of one token, without the token itself."""
 
     name: str
     """For logs; never the token."""
     scenes: frozenset[str] | None
     """Ids; ``None`` = every scene."""
     scopes: frozenset[Scope] = LAND
-    """What its bearer may do."""
     digest: bytes = b""
     """SHA-256 over this process's salt and a static token; empty for a signed one."""
     signed: SignedClaims | None = None
 
     def opens(self, scene_id: str) -> bool:
-        """Whether its bearer may see the scene, whatever the time."""
+        """Return whether its bearer may see the scene; times are not checked."""
         return "land" in self.scopes and (self.scenes is None or scene_id in self.scenes)
 
     @property
     def guide(self) -> bool:
-        """Whether its bearer may move a group."""
+        """Whether its bearer may guide a group."""
         return "guide" in self.scopes
 
 
 _OPEN_PASS = TokenPass("open", None, EVERYTHING)
-"""Of everybody where no token is asked for."""
+"""Rights of every client where no token is required."""
 
 
 class Gate:
     """Checks tokens, static and signed.
 
-    A static token is looked up by its digest, over a salt that nobody else knows: how long that
-    takes says nothing about the tokens there are, and does not grow with them. Signatures are
-    compared by PyJWT, which does not stop early.
+    A static token is looked up by its salted digest: the time reveals nothing about the tokens
+    and does not grow with their number. PyJWT compares signatures in constant time.
 
     Parameters
     ----------
     tokens
-        Static ones; ``None`` and no keys = no token is asked for.
+        Static ones; ``None`` and no keys = no token is required.
     keys
-        That signed tokens are accepted from.
+        Accepted keys of signed tokens.
     audience
-        What a signed token's ``aud`` must be; ``None`` = it must have none.
+        Required ``aud`` of a signed token; ``None`` = it must have none.
     leeway_s
-        How far this machine's clock may be from that of whoever makes the tokens.
+        Allowed difference between this clock and that of the token's maker.
     clock
-        Seconds since 1970. The only place of the service that looks at the wall clock.
+        Seconds since 1970.
     """
 
     def __init__(
@@ -82,7 +87,7 @@ class Gate:
         clock: Callable[[], float] = time.time,
     ) -> None:
         self.is_open = tokens is None and keys is None
-        """Whether no token is asked for."""
+        """Whether no token is required."""
         self._salt = secrets.token_bytes(32)
         self._audience = audience
         self._leeway_s = leeway_s
@@ -94,12 +99,12 @@ class Gate:
 
     @classmethod
     def from_settings(cls, settings: Settings) -> Gate:
-        """Make the gate that settings ask for.
+        """Make the gate that the settings describe.
 
         Raises
         ------
         SettingsError
-            When a file cannot be read or holds something else, or a token is too short.
+            When a file cannot be read or is not valid, or a token is too short.
         """
         if settings.metrics_token is not None:
             check_token("metrics_token", settings.metrics_token.get_secret_value())
@@ -114,7 +119,7 @@ class Gate:
         )
 
     def use_tokens(self, tokens: Sequence[StaticToken]) -> None:
-        """Take these static tokens in place of those before."""
+        """Replace the static tokens."""
         digests = [self._digest(one.token) for one in tokens]
         self._static = {
             digest: TokenPass(one.name, one.scenes, one.scopes, digest)
@@ -122,11 +127,11 @@ class Gate:
         }
 
     def use_keys(self, keys: KeyRing) -> None:
-        """Take these keys in place of those before."""
+        """Replace the accepted keys."""
         self._keys = keys
 
     def find(self, token: str | None) -> TokenPass | None:
-        """Return what a token opens; ``None`` where it opens nothing, now."""
+        """Return the rights of a token; ``None`` where it has none now."""
         if self.is_open:
             return _OPEN_PASS
         if token is None:
@@ -139,24 +144,19 @@ class Gate:
         return static_pass
 
     def admit(self, token: str | None, scene_id: str) -> TokenPass | ErrorCode:
-        """Return the pass of a token that opens the scene, or why it does not."""
+        """Return the rights of a token that opens the scene, or the error code."""
         token_pass = self.find(token)
         if token_pass is None:
             return ErrorCode.UNAUTHORISED
         return token_pass if token_pass.opens(scene_id) else ErrorCode.FORBIDDEN
 
     def check(self, token: str | None, scene_id: str) -> ErrorCode | None:
-        """Return ``None`` if the token opens the scene, else why not."""
+        """Return ``None`` if the token opens the scene, else the error code."""
         admission = self.admit(token, scene_id)
         return None if isinstance(admission, TokenPass) else admission
 
-    def may_guide(self, token: str | None, scene_id: str) -> bool:
-        """Whether the token opens the scene and lets its bearer move a group there."""
-        admission = self.admit(token, scene_id)
-        return isinstance(admission, TokenPass) and admission.guide
-
     def withdrawal(self, token_pass: TokenPass, scene_id: str) -> Withdrawal | None:
-        """Return why a pass opens the scene no more; ``None`` while it does."""
+        """Return why a pass no longer opens the scene; ``None`` while it does."""
         if self.is_open:
             return None
         if token_pass.signed is not None:
@@ -166,12 +166,11 @@ class Gate:
 
     def _signed_withdrawal(self, claims: SignedClaims) -> Withdrawal | None:
         key = None if self._keys is None else self._keys.find(claims.key.id)
-        # Both keys are ours: nobody learns anything from how long it takes.
         if self._keys is None or key != claims.key:
             return "revoked"
         if claims.token_id in self._keys.revoked:
             return "revoked"
-        # A clock set back before nbf is nobody's fault: who was let in stays.
+        # nbf is not checked again: a clock that is set back ends no session.
         return "expired" if self._clock() >= claims.expires_s + self._leeway_s else None
 
     def _is_in_time(self, claims: SignedClaims) -> bool:
@@ -201,9 +200,9 @@ def static_tokens(settings: Settings) -> list[StaticToken]:
 
 
 def bearer_token(authorization: str | None) -> str | None:
-    """Return the token of an ``Authorization`` header; ``""`` where it is of another kind.
+    """Return the token of an ``Authorization`` header; ``""`` where it has another scheme.
 
-    A header that is there decides, right or wrong, so another kind must not read as absent.
+    ``None`` is an absent header: then another way of showing a token may count.
     """
     if authorization is None:
         return None
@@ -212,10 +211,10 @@ def bearer_token(authorization: str | None) -> str | None:
 
 
 def origin_is_allowed(origin: str | None, host: str | None, allowed: tuple[str, ...]) -> bool:
-    """Whether a web page of that origin may connect.
+    """Return whether a web page of that origin may connect.
 
-    Programs send no origin and pass: the check protects people whose browser shows a foreign page
-    beside an open service, not the service from programs.
+    Programs send no origin and pass: the check protects people whose browser shows a page of
+    another origin, not the service from programs.
 
     Parameters
     ----------
@@ -224,12 +223,12 @@ def origin_is_allowed(origin: str | None, host: str | None, allowed: tuple[str, 
     host
         ``Host`` header.
     allowed
-        Origins beside the service's own; "*" = all.
+        Origins in addition to the service's own; "*" = all.
     """
     if origin is None or "*" in allowed or origin in allowed:
         return True
     try:
         netloc = urlsplit(origin).netloc
-    except ValueError:  # an address in broken brackets
+    except ValueError:
         return False
     return host is not None and netloc.lower() == host.lower()

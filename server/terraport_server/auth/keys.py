@@ -1,12 +1,11 @@
-"""Keys that sign expiring tokens, and the file that they stand in.
+"""Keys that sign expiring tokens, and the file that holds them.
 
 One key a line: ``ID ALGORITHM KEY``, the key as base64url. Tokens are signed by the first key and
-accepted from every one, so a key is changed without cutting anybody off: put the new one on top,
-and take the old one away when its last token has run out. A line ``revoke TOKEN_ID`` takes one
-token back before its time.
+accepted from every one. To replace a key, put the new one on top, and remove the old one when its
+last token has expired. A line ``revoke TOKEN_ID`` revokes one token.
 
 =================== ================================================ ==========================
-algorithm           key                                              who may hold it
+algorithm           key                                              holder
 =================== ================================================ ==========================
 ``HS256``           secret of 32 bytes or more                       whoever makes tokens, and
                                                                      the service
@@ -27,13 +26,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from terraport_server.auth.token_file import read_lines
 from terraport_server.errors import SettingsError
 
-__all__ = ["ALGORITHMS", "KeyRing", "TokenKey", "new_key", "read_keys", "write_keys"]
+__all__ = ["ALGORITHMS", "KeyRing", "TokenKey", "new_key", "read_keys", "read_lines", "write_keys"]
 
 ALGORITHMS: Final = ("HS256", "EdDSA", "EdDSA-private")
-"""What may stand in the file. What a token may say is decided by its key's line alone."""
+"""Algorithms of the file. Those of a token are decided by its key's line alone."""
 
 MAX_KEYS: Final = 16
 
@@ -41,6 +39,7 @@ _KEY_BYTES: Final = 32
 """SHA-256's own width: a shorter HMAC secret is weaker than its hash (RFC 7518, section 3.2)."""
 _MAX_KEY_BYTES: Final = 1024
 _REVOKE: Final = "revoke"
+_MAX_FILE_BYTES: Final = 1 << 20
 _ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 
 
@@ -51,7 +50,7 @@ class TokenKey:
     id: str
     algorithm: str
     secret: bytes
-    """Never shown: kept out of :func:`repr`."""
+    """Not part of :func:`repr`."""
 
     def __repr__(self) -> str:
         return f"TokenKey({self.id!r}, {self.algorithm!r})"
@@ -62,7 +61,7 @@ class TokenKey:
         return self.algorithm.removesuffix("-private")
 
     def verifying(self) -> Any:
-        """Return what PyJWT checks with."""
+        """Return the key object that PyJWT verifies with."""
         if self.algorithm == "HS256":
             return self.secret
         if self.algorithm == "EdDSA":
@@ -70,7 +69,7 @@ class TokenKey:
         return self.signing().public_key()
 
     def signing(self) -> Any:
-        """Return what PyJWT signs with.
+        """Return the key object that PyJWT signs with.
 
         Raises
         ------
@@ -97,12 +96,12 @@ class TokenKey:
 
 @dataclass(frozen=True, slots=True)
 class KeyRing:
-    """What a key file holds."""
+    """Contents of a key file."""
 
     keys: tuple[TokenKey, ...]
     """The first one signs."""
     revoked: frozenset[str]
-    """Ids of tokens that were taken back."""
+    """Ids of revoked tokens."""
 
     def find(self, key_id: str) -> TokenKey | None:
         """Return the key of that id."""
@@ -122,7 +121,7 @@ def new_key(key_id: str, algorithm: str) -> TokenKey:
     Raises
     ------
     SettingsError
-        When the id cannot be, or the algorithm is another.
+        When the id or the algorithm is not valid.
     """
     _check_id("key", key_id)
     if algorithm == "HS256":
@@ -164,16 +163,39 @@ def read_keys(path: Path) -> KeyRing:
     return KeyRing(tuple(keys), frozenset(revoked))
 
 
+def read_lines(setting: str, path: Path) -> list[tuple[int, list[str]]]:
+    """Return the number and the words of every line that is neither empty nor a comment.
+
+    Raises
+    ------
+    SettingsError
+        When the file cannot be read, is too large, or is not UTF-8 text.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(_MAX_FILE_BYTES + 1)
+    except OSError as error:
+        raise SettingsError(setting, f"{path}: {error.strerror}, expected a file") from None
+    if len(data) > _MAX_FILE_BYTES:
+        raise SettingsError(setting, f"{path} is larger than {_MAX_FILE_BYTES} bytes")
+    try:
+        lines = data.decode("utf-8").splitlines()
+    except UnicodeDecodeError:
+        raise SettingsError(setting, f"{path} is not UTF-8 text") from None
+    words = ((number, line.split()) for number, line in enumerate(lines, start=1))
+    return [(number, line) for number, line in words if line and not line[0].startswith("#")]
+
+
 def write_keys(path: Path, lines: list[str]) -> None:
-    """Write a key file that its owner alone can read, in one step.
+    """Write a key file atomically, readable by its owner only.
 
     Raises
     ------
     OSError
-        When it cannot be written; what was there before is still there.
+        When it cannot be written; the old file is unchanged.
     """
     beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
-    # The mode is the file's from its first moment: nobody can open it in between.
+    # Created with its final mode: there is no moment in which others can open it.
     descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     try:
         with os.fdopen(descriptor, "w", encoding="utf-8") as file:
@@ -195,7 +217,7 @@ def _read_key(where: str, key_id: str, algorithm: str, text: str) -> TokenKey:
     try:
         raw = base64.b64decode(text + "=" * (-len(text) % 4), altchars=b"-_", validate=True)
     except (binascii.Error, ValueError):
-        raise SettingsError("token_keys_file", f"{where}: the key is no base64url") from None
+        raise SettingsError("token_keys_file", f"{where}: the key is not base64url") from None
     most = _MAX_KEY_BYTES if algorithm == "HS256" else _KEY_BYTES
     if not _KEY_BYTES <= len(raw) <= most:
         expected = f"{_KEY_BYTES}" if most == _KEY_BYTES else f"{_KEY_BYTES} to {most}"
@@ -205,7 +227,7 @@ def _read_key(where: str, key_id: str, algorithm: str, text: str) -> TokenKey:
     try:
         key.verifying()  # now, not at the first token
     except ValueError:
-        what = f"{where}: these bytes are no Ed25519 key, expected one"
+        what = f"{where}: expected the 32 bytes of an Ed25519 key"
         raise SettingsError("token_keys_file", what) from None
     return key
 
@@ -220,7 +242,7 @@ def _check_id(where: str, key_id: str) -> None:
 
 
 def _ed25519() -> Any:
-    """Import Ed25519, which is worth 10 MB only to who uses it.
+    """Import Ed25519: only EdDSA keys need its 10 MB.
 
     Raises
     ------
