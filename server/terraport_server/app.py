@@ -12,8 +12,8 @@ from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from terraport_server.http.guard import AppGuard
-from terraport_server.http.pages import add_page_routes
 from terraport_server.http.scenes import add_routes
+from terraport_server.http.viewer import read_viewer, viewer_routes
 from terraport_server.service import Service
 from terraport_server.settings import Settings
 from terraport_server.stream.endpoint import stream
@@ -81,6 +81,7 @@ def create_app(settings: Settings) -> FastAPI:
         redirect_slashes=False,
     )
     app.state.service = service
+    app.state.viewer = read_viewer(settings)
     add_routes(app)
     if settings.allowed_origins:
         app.add_middleware(
@@ -91,6 +92,5 @@ def create_app(settings: Settings) -> FastAPI:
             expose_headers=["Content-Range", "ETag"],
         )
     app.add_middleware(AppGuard, service=service)
-
-    add_page_routes(app)
+    app.include_router(viewer_routes)
     return app

@@ -9,6 +9,7 @@ from typing import Any, Final, Self
 from urllib.parse import quote
 
 from terraport_server.errors import ServerError
+from terraport_server.http.viewer import has_viewer
 from terraport_server.listeners import Listeners, host_in_url
 from terraport_server.service import Service
 from terraport_server.serving import make_server
@@ -83,7 +84,7 @@ class BackgroundServer:
 
     def viewer_url(self, scene_id: str) -> str | None:
         """Address of the viewer with one scene open; None where no viewer is served."""
-        if self.service.viewer is None:
+        if not has_viewer(self.service.settings):
             return None
         return f"{self.url}/#scene={quote(scene_id, safe='')}"
 

@@ -15,7 +15,6 @@ from terraport_server.auth.gate import Gate
 from terraport_server.auth.watch import AccessWatch
 from terraport_server.errors import PickTimeoutError
 from terraport_server.groups.registry import GroupDesk
-from terraport_server.http.viewer import BUILT_PAGE, ViewerPage
 from terraport_server.logging import OncePerMinute, log
 from terraport_server.metrics import Metrics
 from terraport_server.read_buffer import ReadBuffer
@@ -106,10 +105,6 @@ class Service:
             groups = self.groups.groups
             self.metrics.groups.set_function(lambda: groups.group_count)
             self.metrics.group_members.set_function(lambda: groups.member_count)
-        self.viewer: ViewerPage | None = None
-        """The page for people; None where it is not built, or switched off."""
-        if settings.viewer:
-            self.viewer = ViewerPage.read(settings.viewer_dir or BUILT_PAGE)
         self.turns = Turns()
         self.client_turns = ClientTurns()
         self.read_buffer = ReadBuffer(LARGEST_BATCH_BYTES + MAX_CHUNK_BYTES)

@@ -16,7 +16,7 @@ from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient
 
 from terraport_server import BackgroundServer
-from terraport_server.http.guard import host_is_ours
+from terraport_server.auth.origins import host_is_ours
 
 TOKEN = "sixteen-characters"
 METRICS = "metrics-sixteen-characters"

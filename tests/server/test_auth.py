@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from terraport_server.auth.gate import Gate, bearer_token, origin_is_allowed
+from terraport_server.auth.gate import Gate, bearer_token
+from terraport_server.auth.origins import origin_is_allowed
 from terraport_server.auth.tokens import StaticToken, read_tokens
 from terraport_server.errors import SettingsError
 from terraport_server.settings import Settings

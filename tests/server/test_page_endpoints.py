@@ -182,7 +182,7 @@ def test_a_long_list_is_cut(tmp_path: Path, built: Path, monkeypatch: pytest.Mon
     """Of 3,000 scenes each page took 67 ms of the event loop."""
     for name in "abc":
         write_grid_scene(tmp_path / name, cells=2, name=name)
-    monkeypatch.setattr("terraport_server.http.pages.MOST_LISTED", 1)
+    monkeypatch.setattr("terraport_server.http.viewer.MOST_LISTED", 1)
     with BackgroundServer(tmp_path, viewer=False, viewer_dir=built) as running:
         page = httpx.get(running.url).text
     assert page.count("segments,") == 1
@@ -192,7 +192,7 @@ def test_a_long_list_is_cut(tmp_path: Path, built: Path, monkeypatch: pytest.Mon
 def test_without_a_build_the_list_says_how_to_make_one(
     scenes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("terraport_server.service.BUILT_PAGE", tmp_path)
+    monkeypatch.setattr("terraport_server.http.viewer.BUILT_PAGE", tmp_path)
     with BackgroundServer(scenes) as running:
         assert running.viewer_url("pit") is None
         page = httpx.get(running.url).text

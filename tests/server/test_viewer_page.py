@@ -10,11 +10,6 @@ import xxhash
 from terraport_server.http.viewer import ViewerPage, chosen_coding
 
 
-def test_nothing_built_is_no_page(tmp_path: Path) -> None:
-    assert ViewerPage.read(tmp_path) is None
-    assert ViewerPage.read(tmp_path / "nowhere") is None
-
-
 def test_files_with_their_compressed_twins(tmp_path: Path) -> None:
     (tmp_path / "index.html").write_text("<html>")
     (tmp_path / "assets" / "deep").mkdir(parents=True)
@@ -23,8 +18,7 @@ def test_files_with_their_compressed_twins(tmp_path: Path) -> None:
     (tmp_path / "assets" / "a-1.js.gz").write_bytes(b"small too")
     (tmp_path / "assets" / "deep" / "b.bin").write_bytes(b"b")
     (tmp_path / ".sources").write_text("a note")
-    page = ViewerPage.read(tmp_path)
-    assert page is not None
+    page = ViewerPage(tmp_path)
     script = page.find("assets/a-1.js")
     assert script is not None
     assert script.forms == {"": b"let a", "br": b"small", "gzip": b"small too"}

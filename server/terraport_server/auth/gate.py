@@ -1,4 +1,4 @@
-"""Access control: bearer tokens, and the origins of web pages."""
+"""Access control by bearer tokens."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
-from urllib.parse import urlsplit
 
 from terraport_server.auth.keys import KeyRing, read_keys
 from terraport_server.auth.tokens import (
@@ -24,7 +23,7 @@ from terraport_server.auth.tokens import (
 from terraport_server.settings import Settings
 from terraport_wire import MAX_TOKEN_BYTES, ErrorCode
 
-__all__ = ["Gate", "TokenPass", "Withdrawal", "bearer_token", "origin_is_allowed", "static_tokens"]
+__all__ = ["Gate", "TokenPass", "Withdrawal", "bearer_token", "static_tokens"]
 
 Withdrawal = Literal["expired", "revoked"]
 """Why a token no longer opens a scene."""
@@ -208,27 +207,3 @@ def bearer_token(authorization: str | None) -> str | None:
         return None
     scheme, _, token = authorization.partition(" ")
     return token.strip() if scheme.lower() == "bearer" else ""
-
-
-def origin_is_allowed(origin: str | None, host: str | None, allowed: tuple[str, ...]) -> bool:
-    """Return whether a web page of that origin may connect.
-
-    Programs send no origin and pass: the check protects people whose browser shows a page of
-    another origin, not the service from programs.
-
-    Parameters
-    ----------
-    origin
-        ``Origin`` header, ``scheme://host[:port]``.
-    host
-        ``Host`` header.
-    allowed
-        Origins in addition to the service's own; "*" = all.
-    """
-    if origin is None or "*" in allowed or origin in allowed:
-        return True
-    try:
-        netloc = urlsplit(origin).netloc
-    except ValueError:
-        return False
-    return host is not None and netloc.lower() == host.lower()

@@ -6,16 +6,16 @@ headers that keep browsers from guessing, and counts the answers.
 
 from __future__ import annotations
 
-import ipaddress
 import json
 from typing import Final, NamedTuple
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from terraport_server.auth.origins import host_is_ours
 from terraport_server.http_connection import ANSWERED
 from terraport_server.service import Service
 
-__all__ = ["AppGuard", "host_is_ours"]
+__all__ = ["AppGuard"]
 
 _NO_FRAMES: Final = (b"x-frame-options", b"DENY")
 _EVERYWHERE: Final = (
@@ -101,28 +101,6 @@ class AppGuard:
         )
         self._service.note_refusal("host", text, _client(scope))
         return Refusal("host", 421, "forbidden", text)
-
-
-def host_is_ours(host: str | None, allowed: tuple[str, ...]) -> bool:
-    """Whether a ``Host`` header names a service of this machine.
-
-    A web page can point a name of its own at 127.0.0.1 and then reads an open service as its own
-    origin (DNS rebinding); it cannot make the browser call it by an address or ``localhost``.
-    """
-    if host is None:
-        return True  # HTTP/1.0, or a program: browsers always send one
-    name = host.strip().lower()
-    if name.startswith("["):
-        name = name[1:].partition("]")[0]
-    elif name.count(":") <= 1:
-        name = name.partition(":")[0]
-    if name == "localhost" or name.endswith(".localhost") or name in allowed or host in allowed:
-        return True
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True
 
 
 def _added(scope: Scope, message: Message) -> list[tuple[bytes, bytes]]:

@@ -17,7 +17,8 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import JSONResponse, StreamingResponse
 
-from terraport_server.auth.gate import TokenPass, origin_is_allowed
+from terraport_server.auth.gate import TokenPass
+from terraport_server.auth.origins import origin_is_allowed
 from terraport_server.errors import AccessError, RequestError
 from terraport_server.http.responses import (
     CHECK,

@@ -1,30 +1,47 @@
-"""The viewer as it was built: its files in memory, and which form of each a client takes.
+"""The web viewer at ``/`` with its files; where it is not built, a list of the scenes.
 
-The build writes compressed twins (``NAME.br``, ``NAME.gz``) beside what they make smaller; nothing
-is compressed while serving. All files are read once, at the start: 2 MB, and a request can name
-nothing that was not there then.
+Its files are public, also where tokens are required: they contain no scene, and the viewer asks its
+user for the token. They are read once, at the start: 2 MB. The build writes compressed twins
+(``NAME.br``, ``NAME.gz``) of the files that get smaller; nothing is compressed while serving.
 """
 
 from __future__ import annotations
 
+import html
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import xxhash
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import HTMLResponse
+from starlette.exceptions import HTTPException
 
-__all__ = ["BUILT_PAGE", "PageFile", "ViewerPage", "chosen_coding"]
+from terraport_server.http.links import links_of, scene_path, service_links
+from terraport_server.http.responses import CHECK, FOREVER, ServiceOfRequest, is_unchanged
+from terraport_server.service import Service
+from terraport_server.settings import Settings
+
+__all__ = [
+    "BUILT_PAGE",
+    "VIEWER_POLICY",
+    "ViewerPage",
+    "chosen_coding",
+    "has_viewer",
+    "read_viewer",
+    "viewer_routes",
+]
 
 BUILT_PAGE: Final = Path(__file__).parents[1] / "page"
-"""Where ``client_sdk/web`` builds to, and a wheel brings it."""
+"""Output of the build of ``client_sdk/web``; part of a wheel."""
 
 INDEX: Final = "index.html"
 ASSETS: Final = "assets/"
-"""What lies there has a hash of its content in its name."""
+"""Folder of files whose names contain a hash of their content."""
 
 _CODINGS: Final = (("br", ".br"), ("gzip", ".gz"))
-"""Content codings, the smallest first, and how the files that hold them end."""
+"""Content codings with their file suffixes, the smallest first."""
 
 _MEDIA_TYPES: Final = {
     ".css": "text/css; charset=utf-8",
@@ -41,12 +58,12 @@ _MEDIA_TYPES: Final = {
     ".webp": "image/webp",
     ".woff2": "font/woff2",
 }
-"""Of our own: the tables of operating systems differ, and ``nosniff`` makes that an error."""
+"""Tables of operating systems differ, and with ``nosniff`` a wrong type is an error."""
 
 
 @dataclass(frozen=True, slots=True)
 class PageFile:
-    """One file of the page: plain, and compressed by each coding that the build made."""
+    """One file of the viewer, plain and in each content coding that was built."""
 
     name: str
     """Path below the page's folder, with slashes."""
@@ -58,37 +75,34 @@ class PageFile:
 
     @property
     def is_fixed(self) -> bool:
-        """Whether its name says its content, so that it can be kept for ever."""
+        """Whether its name contains its hash, so that caches can keep it for ever."""
         return self.name.startswith(ASSETS)
 
     def etag(self, coding: str) -> str:
-        """Return the strong entity tag of a form, quotes included."""
+        """Return the strong entity tag of one coding, quotes included."""
         return f'"{self.digest}-{coding}"' if coding else f'"{self.digest}"'
 
 
 class ViewerPage:
-    """The viewer as built: every file by its path.
+    """Files of the built viewer by path, read once; one of them is ``index.html``."""
 
-    Parameters
-    ----------
-    files
-        All of it; one is ``index.html``.
-    """
-
-    def __init__(self, files: Iterator[PageFile]) -> None:
-        self._files = {file.name: file for file in files}
+    def __init__(self, folder: Path) -> None:
+        self._files = {file.name: file for file in _read(folder)}
         self.index = self._files[INDEX]
 
-    @classmethod
-    def read(cls, folder: Path) -> ViewerPage | None:
-        """Read what was built into `folder`; None where nothing was."""
-        if not (folder / INDEX).is_file():
-            return None
-        return cls(_read(folder))
-
     def find(self, name: str) -> PageFile | None:
-        """Return a file by its path below the folder; None where there was none at the start."""
+        """Return a file by its path below the folder; None where there is none."""
         return self._files.get(name)
+
+
+def has_viewer(settings: Settings) -> bool:
+    """Return whether the viewer is switched on and built."""
+    return settings.viewer and ((settings.viewer_dir or BUILT_PAGE) / INDEX).is_file()
+
+
+def read_viewer(settings: Settings) -> ViewerPage | None:
+    """Read the viewer that the settings choose; None where it is switched off or not built."""
+    return ViewerPage(settings.viewer_dir or BUILT_PAGE) if has_viewer(settings) else None
 
 
 def chosen_coding(accepted: str | None, available: Collection[str]) -> str:
@@ -99,13 +113,13 @@ def chosen_coding(accepted: str | None, available: Collection[str]) -> str:
     accepted
         ``Accept-Encoding``; None where the request has none.
     available
-        Codings that there are; "" always is.
+        Available codings; "" always is.
 
     Returns
     -------
     str
-        The first of ours that the client takes; "" for the file itself. Which of several a client
-        would rather have is not asked: the smaller is better for both.
+        The smallest that the client accepts; "" for the file itself. Weights other than 0 are
+        ignored: the smaller is better for both sides.
     """
     taken: dict[str, bool] = {}
     for entry in (accepted or "").lower().split(","):
@@ -118,17 +132,117 @@ def chosen_coding(accepted: str | None, available: Collection[str]) -> str:
     return ""
 
 
+VIEWER_POLICY: Final = (
+    "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; "
+    "style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors "
+)
+"""Content-Security-Policy: no other origin, no inline script or style; the framing origins follow.
+The decoders are WebAssembly. Sent with every file: a worker has the policy of its own script.
+"""
+
+PERMISSIONS: Final = (
+    "xr-spatial-tracking=(self), camera=(), geolocation=(), microphone=(), payment=(), usb=()"
+)
+
+_NOT_BUILT: Final = (
+    "<p>The viewer is not part of this installation. In a checkout, <code>pip install -e .</code> "
+    "builds it (Node comes from the system or from PyPI); a released wheel brings it.</p>"
+)
+
+MOST_LISTED: Final = 100
+"""Maximum number of scenes on the list page: each takes .03 ms per request."""
+
+viewer_routes = APIRouter()
+"""To be added after all other routes."""
+
+
+@viewer_routes.head("/", include_in_schema=False)
+@viewer_routes.get("/", summary="The viewer; without one, the scenes", response_class=HTMLResponse)
+async def get_page(request: Request, service: ServiceOfRequest) -> Response:
+    """Return the viewer's page, or a list, with scenes only where no token is required."""
+    viewer: ViewerPage | None = request.app.state.viewer
+    if viewer is None:
+        return HTMLResponse(_list_page(service), headers={"Cache-Control": CHECK})
+    return _answer(request, service, viewer.index)
+
+
+@viewer_routes.head("/assets/{name}", include_in_schema=False)
+@viewer_routes.get("/assets/{name}", include_in_schema=False)
+async def get_asset(request: Request, service: ServiceOfRequest, name: str) -> Response:
+    """Return one of the viewer's scripts, styles or pictures."""
+    return _answer(request, service, _find(request, ASSETS + name))
+
+
+@viewer_routes.head("/{name}", include_in_schema=False)
+@viewer_routes.get("/{name}", include_in_schema=False)
+async def get_other(request: Request, service: ServiceOfRequest, name: str) -> Response:
+    """Return another file of the viewer: its icon, licences."""
+    return _answer(request, service, _find(request, name))
+
+
+def _find(request: Request, name: str) -> PageFile:
+    viewer: ViewerPage | None = request.app.state.viewer
+    file = None if viewer is None else viewer.find(name)
+    if file is None:
+        raise HTTPException(404)
+    return file
+
+
+def _answer(request: Request, service: Service, file: PageFile) -> Response:
+    ancestors = service.settings.frame_ancestors
+    coding = chosen_coding(request.headers.get("accept-encoding"), file.forms)
+    headers = {
+        "Cache-Control": FOREVER if file.is_fixed else CHECK,
+        "Content-Security-Policy": VIEWER_POLICY + (" ".join(ancestors) or "'none'"),
+        "ETag": file.etag(coding),
+        "Permissions-Policy": PERMISSIONS,
+        "Vary": "Accept-Encoding",
+    }
+    if is_unchanged(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    if coding:
+        headers["Content-Encoding"] = coding
+    return Response(file.forms[coding], media_type=file.media_type, headers=headers)
+
+
+def _list_page(service: Service) -> str:
+    rows = []
+    scene_ids = service.registry.ids() if service.gate.is_open else []
+    for scene_id in scene_ids[:MOST_LISTED]:
+        served = service.registry.get(scene_id)
+        name, path = html.escape(served.scene.manifest.name), scene_path(scene_id)
+        counts = served.scene.manifest.counts
+        report = f' · <a href="{path}/report">report</a>' if "report" in links_of(served) else ""
+        rows.append(
+            f'<li><a href="{path}">{name}</a>: {counts.segments:,} segments, '
+            f"{counts.detail_faces:,} triangles{report}</li>"
+        )
+    if len(scene_ids) > MOST_LISTED:
+        rows.append(f'<li>and {len(scene_ids) - MOST_LISTED:,} more: <a href="scenes">all</a></li>')
+    listed = "\n".join(rows) or "<li>none to show; GET /scenes with a token lists them</li>"
+    links = [
+        f'<a href="{path}">{"API" if name == "docs" else name}</a>'
+        for name, path in service_links(service.settings).items()
+    ]
+    return (
+        '<!doctype html><html lang="en"><meta charset="utf-8"><title>terraport</title>'
+        f"<h1>terraport</h1><ul>\n{listed}\n</ul>"
+        f"<p>{' · '.join(links)}</p>{_NOT_BUILT if service.settings.viewer else ''}</html>\n"
+    )
+
+
 def _read(folder: Path) -> Iterator[PageFile]:
-    endings = {ending for _, ending in _CODINGS}
+    suffixes = {suffix for _, suffix in _CODINGS}
     for path in sorted(folder.rglob("*")):
         names = path.relative_to(folder).parts
-        # Names with a dot in front are notes of the build's own.
-        if path.suffix in endings or not path.is_file() or any(p.startswith(".") for p in names):
+        # Names that begin with a dot are notes of the build.
+        if path.suffix in suffixes or not path.is_file() or any(p.startswith(".") for p in names):
             continue
         data = path.read_bytes()
         forms = {"": data}
-        for coding, ending in _CODINGS:
-            twin = path.with_name(path.name + ending)
+        for coding, suffix in _CODINGS:
+            twin = path.with_name(path.name + suffix)
             if twin.is_file():
                 forms[coding] = twin.read_bytes()
         media_type = _MEDIA_TYPES.get(path.suffix, "application/octet-stream")

@@ -12,12 +12,12 @@ from time import monotonic
 from starlette.responses import JSONResponse
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from terraport_server.auth.gate import TokenPass, bearer_token, origin_is_allowed
+from terraport_server.auth.gate import TokenPass, bearer_token
+from terraport_server.auth.origins import host_is_ours, origin_is_allowed
 from terraport_server.auth.watch import Visitor
 from terraport_server.client_addresses import client_key
 from terraport_server.errors import AccessError, UnknownSceneError
 from terraport_server.groups.registry import GroupDoor
-from terraport_server.http.guard import host_is_ours
 from terraport_server.logging import log
 from terraport_server.peer_limits import REFUSED_CLOSE_S
 from terraport_server.service import Service
