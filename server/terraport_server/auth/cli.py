@@ -1,4 +1,4 @@
-"""``terraport token``: keys, and tokens that expire."""
+"""Command ``terraport token``: signing keys and expiring tokens."""
 
 from __future__ import annotations
 
@@ -23,44 +23,44 @@ __all__ = ["register"]
 
 _UNITS_S: Final = {"s": 1, "m": 60, "h": 3600, "d": 86_400}
 _LONGEST_S: Final = 400 * 86_400
-"""A year and a month: what is meant to last longer is meant not to expire."""
+"""Maximum validity: a year and a month."""
 _MIN_ID_BYTES: Final = 8
 _STANDARD_INPUT: Final = "-"
 
-_HELP = """Make keys, and tokens that expire, for a service that asks for them.
+_HELP = """Create signing keys and expiring tokens for a service that needs tokens.
 
-A token says who, which scenes, until when; it is signed with a key, so the service needs no list of
-tokens. Try it:
+A token contains a user, scenes and an expiry. It is signed with a key, so the service needs no list
+of tokens. For example:
 
-  terraport token new-key keys                                  once; keep the file to yourself
+  terraport token new-key keys                                  once; keep the file secret
 
-  terraport serve scenes --host 0.0.0.0 --token-keys keys       the service accepts its tokens
+  terraport serve scenes --host 0.0.0.0 --token-keys keys       accept its tokens
 
   terraport token create --keys keys --name anna --scene pit --valid 8h
 
-  terraport token show - < token                                what it says
+  terraport token show - < token                                show its contents
 
-A key is changed by new-key again: the new one signs, the old one is still accepted; take its line
-away when its last token has expired. docs/how-to/tokens.md has more.
+To rotate the key, run new-key again: the new key signs, and the old one is still accepted. Remove
+its line when its last token has expired. See docs/how-to/tokens.md.
 """
 
-_KEYS = Annotated[Path, typer.Option(help="Key file that new-key wrote.", show_default=False)]
+_KEYS = Annotated[Path, typer.Option(help="Key file written by new-key.", show_default=False)]
 
 
 def new_key_command(
-    file: Annotated[Path, typer.Argument(help="Key file; made, or added to.", show_default=False)],
+    file: Annotated[Path, typer.Argument(help="Key file, created if missing.", show_default=False)],
     algorithm: Annotated[
         str,
-        typer.Option(help="HS256: one secret makes and checks. EdDSA: the service only checks."),
+        typer.Option(help="HS256: one secret for both. EdDSA: the service only verifies."),
     ] = "HS256",
     key_id: Annotated[
         str | None, typer.Option("--id", help="Name of the key. [default: today's date]")
     ] = None,
 ) -> None:
-    """Make a key and put it first in the file, readable by its owner alone.
+    """Create a key and put it first in the file, readable only by its owner.
 
-    With --algorithm EdDSA the public halves go to FILE.public: give that file to the service, and
-    keep FILE where tokens are made.
+    With --algorithm EdDSA the public keys are written to FILE.public: give that file to the
+    service, and keep FILE where tokens are created.
 
     For example:
 
@@ -75,18 +75,18 @@ def new_key_command(
     keys = () if old is None else old.keys
     name = key_id or _free_id({key.id for key in keys})
     if any(key.id == name for key in keys):
-        raise SettingsError("--id", f"got {name}, which {file} has already, expected another")
+        raise SettingsError("--id", f"got {name}, which is already in {file}, expected a new id")
     signing_key = new_key(name, algorithm)
     revoked = () if old is None else sorted(old.revoked)
     write_keys(file, _lines((signing_key, *keys), revoked))
-    typer.echo(f"wrote key {name} ({algorithm}) to {file}: it signs from now on, {len(keys)} other")
+    typer.echo(f"wrote key {name} ({algorithm}) to {file}: it signs now, {len(keys)} other")
     served = file
     private = [key for key in (signing_key, *keys) if key.algorithm == "EdDSA-private"]
     if private:
         served = file.with_name(f"{file.name}.public")
         shown = [k.public() if k.algorithm == "EdDSA-private" else k for k in (signing_key, *keys)]
         write_keys(served, _lines(tuple(shown), revoked))
-        typer.echo(f"wrote what checks its tokens to {served}: for the service")
+        typer.echo(f"wrote the public keys to {served}: for the service")
     checking, signing = shlex.quote(str(served)), shlex.quote(str(file))
     typer.echo(f"the service: terraport serve DIRECTORY --token-keys {checking}")
     typer.echo(
@@ -96,14 +96,14 @@ def new_key_command(
 
 def create(
     keys: _KEYS,
-    name: Annotated[str, typer.Option(help="Whom it is for; stands in the service's log.")],
-    valid: Annotated[str, typer.Option(help="How long: 30m, 8h, 7d; at most 400d.")] = "8h",
+    name: Annotated[str, typer.Option(help="Name of the user, for the service's log.")],
+    valid: Annotated[str, typer.Option(help="Validity: 30m, 8h, 7d; at most 400d.")] = "8h",
     scene: Annotated[
-        list[str] | None, typer.Option(help="Id of a scene that it opens; repeatable.")
+        list[str] | None, typer.Option(help="Id of a scene that the token opens; repeatable.")
     ] = None,
-    all_scenes: Annotated[bool, typer.Option("--all-scenes", help="It opens every scene.")] = False,
+    all_scenes: Annotated[bool, typer.Option("--all-scenes", help="Open every scene.")] = False,
     begins: Annotated[
-        str | None, typer.Option("--in", help="It begins to be valid in so long: 30m, 8h, 7d.")
+        str | None, typer.Option("--in", help="Time until the token becomes valid: 30m, 8h, 7d.")
     ] = None,
     audience: Annotated[
         str | None, typer.Option(help="The service's TERRAPORT_TOKEN_AUDIENCE, if it has one.")
@@ -111,11 +111,11 @@ def create(
     scope: Annotated[
         list[str] | None,
         typer.Option(
-            help="What it lets do: land (the default), guide, teach, metrics; repeatable."
+            help="Allowed actions: land (the default), guide, teach, metrics; repeatable."
         ),
     ] = None,
 ) -> None:
-    """Print a token, alone on standard output; what it says goes to standard error.
+    """Print a token to standard output, and its contents to standard error.
 
     For example:
 
@@ -123,7 +123,6 @@ def create(
 
       terraport token create --keys keys --name tour --all-scenes --scope guide > token
     """
-    # What the token grants, and when.
     from terraport_server.auth.keys import read_keys
     from terraport_server.auth.tokens import LAND, make_token, read_token
     from terraport_server.errors import SettingsError
@@ -145,18 +144,18 @@ def create(
         token_id=secrets.token_hex(_MIN_ID_BYTES),
         scopes=scopes,
     )
-    # Read back as the service would: what is printed is accepted.
+    # Verify as the service does.
     claims = read_token(token, ring, audience=audience)
     if claims is None:
         raise SettingsError("--name", f"got {name[:80]!r}, expected 1 to 64 printable characters")
     if len(token) > MAX_TOKEN_BYTES:
-        what = f"got scenes for a token of {len(token)} characters, expected {MAX_TOKEN_BYTES}"
-        raise SettingsError("--scene", f"{what} at most; --all-scenes, or several tokens")
+        what = f"got a token of {len(token)} characters, expected at most {MAX_TOKEN_BYTES}"
+        raise SettingsError("--scene", f"{what}; use --all-scenes, or several tokens")
     typer.echo(token)
     opens = "every scene" if claims.scenes is None else ", ".join(sorted(claims.scenes))
     opens = "; ".join(filter(None, [opens, ", ".join(sorted(scopes - LAND))]))
     typer.echo(f"for {name}: {opens}, until {_time(claims.expires_s)}", err=True)
-    typer.echo(f"to take it back: add the line  revoke {claims.token_id}  to {keys}", err=True)
+    typer.echo(f"revocation: add the line  revoke {claims.token_id}  to {keys}", err=True)
 
 
 def show(
@@ -165,19 +164,19 @@ def show(
         typer.Argument(help="The token, or - to read it from standard input.", show_default=False),
     ],
     keys: Annotated[
-        Path | None, typer.Option(help="Key file: check the signature, too.", show_default=False)
+        Path | None, typer.Option(help="Key file: also check the signature.", show_default=False)
     ] = None,
     audience: Annotated[
         str | None, typer.Option(help="The service's TERRAPORT_TOKEN_AUDIENCE, if it has one.")
     ] = None,
 ) -> None:
-    """Show what a token says: it is signed, not encrypted, so anyone who has it can read it.
+    """Show the contents of a token, which is signed but not encrypted.
 
     For example:
 
       terraport token show - < token
 
-      terraport token show - --keys keys < token          is it accepted, too?
+      terraport token show - --keys keys < token          also check the signature
     """
     from terraport_server.auth.keys import read_keys
     from terraport_server.auth.tokens import decode_unverified, read_token
@@ -187,7 +186,7 @@ def show(
     text = sys.stdin.readline(MAX_TOKEN_BYTES + 2).strip() if token == _STANDARD_INPUT else token
     decoded = decode_unverified(text)
     if decoded is None:
-        raise SettingsError("token", "this is no signed token, expected three parts and two dots")
+        raise SettingsError("token", "not a signed token, expected three parts separated by dots")
     header, claims = decoded
     typer.echo(json.dumps({"header": header, "claims": claims}, indent=1))
     for name in ("nbf", "exp"):
@@ -199,9 +198,9 @@ def show(
         typer.echo("signature not checked: give --keys")
         return
     if read_token(text, read_keys(keys), audience=audience) is None:
-        what = "no key of the file signed this, or it was revoked, or a claim is missing or wrong"
-        raise SettingsError("token", f"{what}; the service would refuse it")
-    typer.echo("signature and claims are right")
+        what = "not signed by a key of the file, or revoked, or a claim is missing or wrong"
+        raise SettingsError("token", f"{what}; the service refuses it")
+    typer.echo("signature and claims are valid")
 
 
 def register(app: typer.Typer) -> None:
@@ -218,7 +217,7 @@ def register(app: typer.Typer) -> None:
 def _with_plain_errors(command: Any, keys: str = "--keys") -> Any:
     """Return the command with expected errors as one line and exit code 1.
 
-    `keys` is what its key file is given by; the service has another name for it.
+    `keys` is the command's name of its key file, which the service calls ``token_keys_file``.
     """
 
     @functools.wraps(command)
