@@ -1,8 +1,9 @@
-"""terraport service: scenes in, landings out.
+"""The terraport streaming service.
 
 :func:`create_app` makes the ASGI application, :func:`run` serves it, :class:`BackgroundServer` runs
-it in a thread. ``session`` and ``groups`` decide (pure: no I/O, no clock), ``stream`` and ``http``
-speak with clients, ``scenes`` reads what is served, ``auth`` says who may see it.
+it in a thread. Packages: ``session`` and ``groups`` (protocol state machines; pure, no I/O, no
+clock), ``stream`` (WebSocket), ``http`` (HTTP endpoints), ``scenes`` (open scenes and payload),
+``auth`` (tokens and origins).
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _HOMES: Final = {
     "create_app": "app",
     "run": "serving",
 }
-"""Module of each name, imported at first use, so that ``terraport serve --help`` is quick."""
+"""Module of each name, imported on first use so that ``terraport serve --help`` starts fast."""
 
 
 def __getattr__(name: str) -> Any:

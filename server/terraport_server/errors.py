@@ -3,14 +3,14 @@
 ::
 
     ServerError
-    ├── SettingsError       what the operator asked for cannot be (``setting``)
-    ├── UnknownSceneError   no scene of that id, or not that version of it (``scene_id``)
-    ├── AccessError         a request without the right token (``code``)
-    ├── RequestError        an HTTP request that cannot be answered (``status``, ``code``)
-    └── PickTimeoutError    a pick took longer than it may
+    ├── SettingsError       a setting is not valid (``setting``)
+    ├── UnknownSceneError   unknown scene or version (``scene_id``)
+    ├── AccessError         a request without a valid token (``code``)
+    ├── RequestError        an HTTP request is refused (``status``, ``code``)
+    └── PickTimeoutError    a pick exceeded its limits
 
-Peers see a stable code and a text; the codes, close codes and HTTP statuses are
-:mod:`terraport_wire.errors`'. PURE: no I/O, no clock.
+Clients receive a stable code and a text; :mod:`terraport_wire.errors` has the codes, close codes
+and HTTP statuses. PURE: no I/O, no clock.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ __all__ = [
 
 
 class ServerError(Exception):
-    """Base of all errors of the service."""
+    """Base class of all errors of the service."""
 
 
 class SettingsError(ServerError):
-    """What the operator asked for cannot be.
+    """A setting is not valid.
 
     Parameters
     ----------
     setting : str
         Name of the setting.
     what : str
-        What was found and what was expected, lower-case, no full stop.
+        "got X, expected Y", lower-case, no full stop.
     """
 
     def __init__(self, setting: str, what: str) -> None:
@@ -53,14 +53,14 @@ class SettingsError(ServerError):
 
 
 class UnknownSceneError(ServerError):
-    """No scene of that id, or not that version of it.
+    """The scene, or this version of it, is not served.
 
     Parameters
     ----------
     scene_id : str
-        What was asked for.
+        The requested id.
     version : str, optional
-        The version asked for, where the scene is known.
+        The requested version, if the scene is known.
     """
 
     code = ErrorCode.UNKNOWN_SCENE
@@ -77,7 +77,7 @@ class UnknownSceneError(ServerError):
 
 
 class AccessError(ServerError):
-    """A request without the right token.
+    """A request has no valid token.
 
     Parameters
     ----------
@@ -96,16 +96,16 @@ class AccessError(ServerError):
 
 
 class RequestError(ServerError):
-    """An HTTP request that cannot be answered.
+    """An HTTP request is refused.
 
     Parameters
     ----------
     status : int
         HTTP status.
     code : str
-        Stable code.
+        Stable error code.
     what : str
-        What was received and what was expected.
+        "got X, expected Y".
     """
 
     def __init__(self, status: int, code: str, what: str) -> None:
@@ -119,12 +119,12 @@ class RequestError(ServerError):
 
 
 class PickTimeoutError(ServerError):
-    """A pick took longer than it may.
+    """A pick exceeded its time or number of segments.
 
     Parameters
     ----------
     segments : int
-        Segments looked at until then.
+        Number of segments examined.
     """
 
     def __init__(self, segments: int) -> None:
@@ -132,9 +132,9 @@ class PickTimeoutError(ServerError):
         self.segments = segments
 
     def __str__(self) -> str:
-        return f"time was up after {self.segments} segments, expected an answer before"
+        return f"no answer after {self.segments} segments, expected one within the limits"
 
 
 def http_status(code: ErrorCode) -> int:
-    """HTTP status beside an error code."""
+    """Return the HTTP status of an error code."""
     return HTTP_STATUS[CLOSE_CODES[code]]

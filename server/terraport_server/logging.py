@@ -1,7 +1,7 @@
-"""Structured log lines: one event, its fields, one line.
+"""Structured logging: each line is an event with fields, as text or JSON.
 
-A record's message is the event's name; its fields come by ``extra={"fields": {...}}``. As text
-``TIME LEVEL event key=value ...``, or as one JSON object a line.
+The message of a record is the event's name; ``extra={"fields": {...}}`` has its fields. Text lines
+have the form ``TIME LEVEL event key=value ...``; with JSON each line is one object.
 """
 
 from __future__ import annotations
@@ -28,21 +28,20 @@ __all__ = [
 LOGGER = logging.getLogger("terraport.server")
 
 LINES_PER_S: Final = 20.0
-"""Lines of each level that a process writes, averaged over 10 s: whatever clients do, its log of a
-day stays below half a gigabyte."""
+"""Maximum lines per second and level, averaged over 10 s: the log of a day stays below 0.5 GB."""
 
 _MAX_REMEMBERED = 1024
 
 
 def log(event: str, *, level: int = logging.INFO, **fields: object) -> None:
-    """Write one event; fields that are ``None`` are left out."""
+    """Log an event; fields that are ``None`` are omitted."""
     if LOGGER.isEnabledFor(level):
         shown = {name: value for name, value in fields.items() if value is not None}
         LOGGER.log(level, event, extra={"fields": shown})
 
 
 def configure_logging(level: str, form: str, *, worker: int | None = None) -> None:
-    """Send the service's and uvicorn's records to standard error in one form.
+    """Write the records of the service and uvicorn to standard error.
 
     Parameters
     ----------
@@ -51,7 +50,7 @@ def configure_logging(level: str, form: str, *, worker: int | None = None) -> No
     form
         "text" or "json".
     worker
-        Which of several processes this is; stands in every line, traces and uvicorn's included.
+        Number of this process among several; a field of every line.
     """
     handler = logging.StreamHandler(sys.stderr)
     if worker is not None:
@@ -64,17 +63,16 @@ def configure_logging(level: str, form: str, *, worker: int | None = None) -> No
         logger.handlers = [handler]
         logger.propagate = False
         logger.setLevel(level.upper())
-    # Each request and handshake would be a line: metrics count them.
+    # Metrics count requests and handshakes; logging each would flood the log.
     logging.getLogger("uvicorn.access").disabled = True
-    logging.getLogger("uvicorn.error").addFilter(_is_ours_to_say)
+    logging.getLogger("uvicorn.error").addFilter(_is_worth_logging)
 
 
 class LineBudget(logging.Filter):
-    """Lets so many lines of each level through; the next that passes says how many did not.
+    """Filter that limits the rate of lines per level; the next line reports how many were dropped.
 
-    By level, so that a flood of one cannot hide another: what clients make happen is information
-    or a warning, an error is the operator's. Most events have a bound of their own; this one holds
-    for whatever was forgotten.
+    Separate levels, because clients cause information and warnings, which must not hide errors.
+    Frequent events have limits of their own; this one covers all others.
     """
 
     def __init__(self, per_s: float = LINES_PER_S) -> None:
@@ -84,7 +82,7 @@ class LineBudget(logging.Filter):
         self._left_out: dict[int, int] = {}
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether the line is written."""
+        """Return whether the line is written."""
         level = record.levelno
         limit = self._limits.get(level)
         if limit is None:
@@ -99,7 +97,7 @@ class LineBudget(logging.Filter):
 
 
 class SomePerMinute:
-    """Lets the first few events of a minute through.
+    """Limit on the number of events per minute.
 
     Examples
     --------
@@ -115,7 +113,7 @@ class SomePerMinute:
         self._left_out = 0
 
     def left_out(self, now_s: float) -> int | None:
-        """Return how many were not let through before this one; None where it is not either."""
+        """Return the number of events dropped before this one; None if this one is dropped too."""
         if now_s >= self._ends_s:
             self._ends_s, self._seen = now_s + 60.0, 0
         self._seen += 1
@@ -127,16 +125,16 @@ class SomePerMinute:
 
 
 class OncePerMinute:
-    """Lets one event of each kind through per minute, so that a flood costs one line.
+    """Limit of one event per kind and minute.
 
-    Remembers a bounded number of kinds; beyond it everything is let through again.
+    The number of remembered kinds is bounded; all are forgotten when it is reached.
     """
 
     def __init__(self) -> None:
         self._seen: dict[tuple[str, ...], float] = {}
 
     def first(self, kind: tuple[str, ...], now_s: float) -> bool:
-        """Whether this kind was not seen for a minute."""
+        """Return whether this kind was not seen for a minute."""
         last = self._seen.get(kind)
         if last is not None and now_s - last < 60.0:
             return False
@@ -171,17 +169,17 @@ class _JsonFormatter(logging.Formatter):
         return json.dumps(line, default=str)
 
 
-_SAID_BY_STRANGERS: Final = ("WebSocket", "Invalid HTTP request", "Unsupported upgrade")
+_UNAUTHENTICATED_EVENTS: Final = ("WebSocket", "Invalid HTTP request", "Unsupported upgrade")
 
 
-def _is_ours_to_say(record: logging.LogRecord) -> bool:
-    """Drop lines that anybody who connects could write without end: refusals are counted.
+def _is_worth_logging(record: logging.LogRecord) -> bool:
+    """Drop uvicorn's lines that any client can cause, and traces of requests cancelled on exit.
 
-    And the trace of each request that a service which ends cuts off; one line says how many.
+    Metrics count refusals.
     """
     if record.exc_info and isinstance(record.exc_info[1], asyncio.CancelledError):
         return False
-    return not any(words in str(record.msg) for words in _SAID_BY_STRANGERS)
+    return not any(words in str(record.msg) for words in _UNAUTHENTICATED_EVENTS)
 
 
 def _add_worker(record: logging.LogRecord, worker: int) -> bool:
