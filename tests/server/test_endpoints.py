@@ -20,9 +20,8 @@ from server.grid_scene import GridScene, write_grid_scene
 from server.plain_client import PlainClient
 
 from terraport_server import BackgroundServer
-from terraport_server.scenes import served_scene
 from terraport_store import Scene, change_labels
-from terraport_store.labels import encode_labels, parse_labels
+from terraport_store.labels import parse_labels
 
 TOKEN = "sixteen-characters"
 
@@ -135,25 +134,6 @@ def test_labels_are_asked_again_and_answered_shortly(tmp_path: Path) -> None:
         assert (again.status_code, again.content) == (304, b"")
 
 
-def test_labels_are_written_once_for_all_who_ask(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As many as there may be took a second of the interpreter, forty requests at a time."""
-    write_grid_scene(tmp_path / "pit", cells=2, stable_ids=(4, 2, 9))
-    change_labels(tmp_path / "pit", {9: "bench"})
-    written: list[dict[int, str]] = []
-
-    def counted(labels: dict[int, str]) -> bytes:
-        written.append(labels)
-        return encode_labels(labels)
-
-    monkeypatch.setattr(served_scene, "encode_labels", counted)
-    with BackgroundServer(tmp_path) as running:
-        answers = [httpx.get(f"{running.url}/scenes/pit/labels.json") for _ in range(5)]
-    assert [parse_labels(answer.content) for answer in answers] == [{9: "bench"}] * 5
-    assert written == [{9: "bench"}]
-
-
 def test_a_report_that_comes_later_is_named(tmp_path: Path) -> None:
     """Links are kept as long as nothing in the scene's folder changed."""
     pit = write_grid_scene(tmp_path / "pit", cells=2).path
@@ -234,16 +214,6 @@ def test_a_version_in_the_address_is_cached_for_ever(http: httpx.Client, grid: G
     assert unknown.json()["error"]["code"] == "unknown_scene"
 
 
-def test_segments_are_the_streamed_bytes(http: httpx.Client, grid: GridScene) -> None:
-    for number in (0, 35):
-        answer = http.get(f"/scenes/grid/segments/{number}.glb")
-        assert answer.content == grid.payloads[number]
-        assert answer.headers["content-type"] == "model/gltf-binary"
-    etag = answer.headers["etag"]
-    again = http.get("/scenes/grid/segments/35.glb", headers={"If-None-Match": etag})
-    assert again.status_code == 304
-
-
 @pytest.mark.parametrize("number", ["36", "-1"])
 def test_an_unknown_segment(http: httpx.Client, number: str) -> None:
     answer = http.get(f"/scenes/grid/segments/{number}.glb")
@@ -258,50 +228,39 @@ def test_an_unknown_scene(http: httpx.Client) -> None:
         assert "/work" not in answer.text
 
 
-def test_the_report(http: httpx.Client, grid: GridScene) -> None:
-    assert http.get("/scenes/grid/report").json()["error"]["code"] == "unknown_report"
-    assert "report" not in http.get("/scenes/grid").json()["links"]
-    report = grid.path / "report.html"
-    report.write_text("<h1>report</h1>")
-    try:
-        assert http.get("/scenes/grid/report").text == "<h1>report</h1>"
-        assert http.get("/scenes/grid").json()["links"]["report"] == "scenes/grid/report"
-    finally:
-        report.unlink()
-
-
-def test_the_report_to_print(http: httpx.Client, grid: GridScene) -> None:
-    assert http.get("/scenes/grid/report.pdf").json()["error"]["code"] == "unknown_report"
-    pdf = grid.path / "report.pdf"
-    pdf.write_bytes(b"%PDF-1.4")
-    try:
-        answer = http.get("/scenes/grid/report.pdf")
-        links = http.get("/scenes/grid").json()["links"]
-    finally:
-        pdf.unlink()
-    assert (answer.content, answer.headers["content-type"]) == (b"%PDF-1.4", "application/pdf")
-    assert links["report_pdf"] == "scenes/grid/report.pdf"
-    assert "report" not in links
-
-
 def test_a_small_base_has_no_overview(http: httpx.Client) -> None:
     assert http.get("/scenes/grid/overview.glb").json()["error"]["code"] == "unknown_overview"
     assert "overview" not in http.get("/scenes/grid").json()["links"]
 
 
-def test_the_small_picture(http: httpx.Client, grid: GridScene) -> None:
-    assert http.get("/scenes/grid/preview.jpg").status_code == 404
-    assert "preview" not in http.get("/scenes/grid").json()["links"]
-    preview = grid.path / "preview.jpg"
-    preview.write_bytes(b"\xff\xd8 a picture")
+@pytest.mark.parametrize(
+    ("link", "path", "file", "media_type"),
+    [
+        ("report", "report", "report.html", "text/html; charset=utf-8"),
+        ("report_pdf", "report.pdf", "report.pdf", "application/pdf"),
+        ("preview", "preview.jpg", "preview.jpg", "image/jpeg"),
+    ],
+)
+def test_what_a_build_says_of_a_scene(
+    http: httpx.Client, grid: GridScene, link: str, path: str, file: str, media_type: str
+) -> None:
+    def links() -> dict[str, str]:
+        (line,) = http.get("/scenes").json()["scenes"]
+        assert line["links"].items() <= http.get("/scenes/grid").json()["links"].items()
+        return dict(line["links"])
+
+    missing = http.get(f"/scenes/grid/{path}")
+    assert (missing.status_code, missing.json()["error"]["code"]) == (404, "unknown_report")
+    assert link not in links()
+    (grid.path / file).write_bytes(b"\xff\xd8 written by a build")
     try:
-        answer = http.get("/scenes/grid/preview.jpg")
-        lines = http.get("/scenes").json()["scenes"]
+        answer = http.get(f"/scenes/grid/{path}")
+        assert links()[link] == f"scenes/grid/{path}"
     finally:
-        preview.unlink()
-    assert answer.content == b"\xff\xd8 a picture"
-    assert answer.headers["content-type"] == "image/jpeg"
-    assert lines[0]["links"]["preview"] == "scenes/grid/preview.jpg"
+        (grid.path / file).unlink()
+    assert answer.content == b"\xff\xd8 written by a build"
+    assert answer.headers["content-type"] == media_type
+    assert link not in links()
 
 
 @pytest.mark.parametrize("way", ["the file", "its folder", "in a circle"])
@@ -324,19 +283,6 @@ def test_a_report_that_is_a_link_out_of_the_scene_is_not_served(
     finally:
         report.unlink()
         folder.unlink(missing_ok=True)
-
-
-def test_a_report_that_is_a_link_within_the_scene_is_served(
-    http: httpx.Client, grid: GridScene
-) -> None:
-    report, older = grid.path / "report.html", grid.path / "report-1.html"
-    older.write_text("of this scene")
-    report.symlink_to(older.name)
-    try:
-        assert http.get("/scenes/grid/report").text == "of this scene"
-    finally:
-        report.unlink()
-        older.unlink()
 
 
 @pytest.mark.parametrize("key", ["base.glb", "base.cover", "regions.json"])
