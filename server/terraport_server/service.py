@@ -23,8 +23,8 @@ from terraport_server.scenes.picking import MeshCache, pick
 from terraport_server.scenes.registry import SceneRegistry
 from terraport_server.scenes.roots import root_of
 from terraport_server.scenes.served_scene import ServedScene
-from terraport_server.scenes.strokes import StrokeDesk
-from terraport_server.scenes.tileset import TileDesk
+from terraport_server.scenes.strokes import StrokeCache
+from terraport_server.scenes.tileset import TilesetCache
 from terraport_server.session.interface import RunPick
 from terraport_server.session.rate_limit import RateLimit, RatesByName
 from terraport_server.settings import Settings
@@ -87,8 +87,8 @@ class Service:
             published=self._published,
             pull_base_url=settings.pull_base_url,
         )
-        self.tiles = TileDesk()
-        self.strokes = StrokeDesk()
+        self.tiles = TilesetCache()
+        self.strokes = StrokeCache()
         self.painters = RatesByName(settings.max_strokes_per_s)
         # Bounds of every session, taken from the settings once.
         self.session_limits = settings.session_limits(server_name())

@@ -192,7 +192,7 @@ def test_a_scene_that_found_no_descriptor_is_opened_later(tmp_path: Path) -> Non
         assert registry.ids() == ["pit"]
         await registry.refresh()
         assert registry.ids() == ["pit", "quarry"]
-        assert registry.get("pit").kept_labels.labels == {1: "berm"}
+        assert registry.get("pit").labels_file.labels == {1: "berm"}
         registry.close()
 
     asyncio.run(story())

@@ -16,7 +16,7 @@ from terraport_payload.glb_container import split_glb
 from terraport_server import BackgroundServer
 from terraport_server.scenes import tileset as tile_desk
 from terraport_server.scenes.served_scene import ServedScene
-from terraport_server.scenes.tileset import MAX_KEPT_BYTES, TileDesk
+from terraport_server.scenes.tileset import MAX_KEPT_BYTES, TilesetCache
 from terraport_store import Scene
 
 SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample_scene"
@@ -127,7 +127,7 @@ def test_parts_that_are_too_many_go(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("terraport_server.scenes.tileset.MAX_KEPT_BYTES", 1 << 20)
 
     async def work() -> None:
-        desk = TileDesk()
+        desk = TilesetCache()
         with ThreadPoolExecutor(1) as pool:
             scenes = [ServedScene.open(name, SAMPLE, "file", pool) for name in ("a", "b")]
             made = []

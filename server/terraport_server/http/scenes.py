@@ -156,7 +156,7 @@ def get_regions(
 @_router.get("/scenes/{scene_id}/labels.json", summary="What people call the regions")
 async def get_labels(request: Request, served: SceneOfRequest) -> Response:
     """Return the labels by stable id, as they are now: they belong to no version."""
-    kept = served.kept_labels
+    kept = served.labels_file
     headers = {"ETag": kept.etag, "Cache-Control": CHECK, "Vary": "Authorization"}
     if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)

@@ -112,7 +112,7 @@ async def get_strokes(
     }
     if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
-    pieces = in_turns(kept.told_to(painter.name), service.turns)
+    pieces = in_turns(kept.response(painter.name), service.turns)
     return StreamingResponse(pieces, media_type=_JSON, headers=headers)
 
 

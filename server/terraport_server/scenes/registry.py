@@ -1,11 +1,10 @@
-"""The scenes of a folder, or of an address in object storage, kept open and kept current.
+"""Registry of the open scenes of a folder, or of an address in object storage.
 
-A newer version is noticed by looking at ``scene.json`` again and again (its size, time and inode;
-its ETag), opened beside the old one, and served to every session from then on. The old one stays
-open until the last session that began with it has ended.
+``scene.json`` is polled (its size, time and inode; its ETag). A newer version is opened, and every
+new session uses it. The old one stays open until its last session has ended.
 
-Labels of regions (``labels.json``) belong to no version: they are looked at in the same way, and
-new ones are used at once, by sessions of every version.
+Labels of regions (``labels.json``) belong to no version: they are polled in the same way, and
+sessions of every version use new ones immediately.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from terraport_server.descriptors import is_shortage, most_packs
 from terraport_server.errors import UnknownSceneError
 from terraport_server.logging import LOGGER, log
 from terraport_server.scenes.roots import FolderRoot, Look, SceneRoot
-from terraport_server.scenes.served_scene import KeptLabels, ServedScene
+from terraport_server.scenes.served_scene import LabelsFile, ServedScene
 from terraport_store import (
     OriginError,
     SceneBuilding,
@@ -33,18 +32,18 @@ from terraport_store import (
 __all__ = ["SceneRegistry"]
 
 _LOOK_SHARE: Final = 0.05
-"""Of a core, that looks at the root may take: their thread keeps the interpreter from the loop."""
+"""Maximum share of a core for polling: its thread takes the interpreter from the event loop."""
 
 T = TypeVar("T")
 
 
 class SceneRegistry:
-    """The scenes of a directory. Lives on one event loop.
+    """Open scenes by id. Lives on one event loop.
 
     Parameters
     ----------
     root
-        Where they lie; a folder of scenes, or one scene, by its path. Closed with this.
+        Location of the scenes; a folder of scenes, or one scene, by its path. Closed with this.
     source
         How payloads are read; see ``Scene.open``.
     read_threads
@@ -65,9 +64,9 @@ class SceneRegistry:
         pull_base_url: str | None = None,
     ) -> None:
         self.root = FolderRoot(root) if isinstance(root, Path) else root
-        """Where the scenes lie."""
+        """Location of the scenes."""
         self.building: list[SceneBuilding] = []
-        """What is being built there, as of the last look."""
+        """Scenes being built, as of the last poll."""
         self._source = source
         self._readers = ThreadPoolExecutor(read_threads, thread_name_prefix="read")
         self._published = published
@@ -76,9 +75,9 @@ class SceneRegistry:
         self._retired: list[ServedScene] = []
         self._stamps: dict[str, Hashable] = {}
         self._label_stamps: dict[str, Hashable | None] = {}
-        self._labels: dict[str, KeptLabels] = {}
+        self._labels: dict[str, LabelsFile] = {}
         self._look_cpu_s = 0.0
-        """What the last look at the root took."""
+        """CPU time of the last poll."""
 
     def ids(self) -> list[str]:
         """Ids of the scenes that are served, ascending."""
@@ -108,7 +107,7 @@ class SceneRegistry:
         raise UnknownSceneError(scene_id, version)
 
     def find_pack(self, scene_id: str, path: str) -> ServedScene:
-        """Return the version that is open and has its payloads at a path of the scene's folder.
+        """Return the open version whose pack has a path in the scene's folder.
 
         Raises
         ------
@@ -125,13 +124,13 @@ class SceneRegistry:
         """Scan the root once; open new scenes, retire replaced and removed ones.
 
         A scene that cannot be opened is logged once per change, and its previous version stays
-        served; a scene whose storage does not answer, or for which no file descriptor was free, is
-        tried again at every scan.
+        open; where the storage does not answer or no file descriptor is free, the next scan tries
+        again.
 
         Raises
         ------
         StoreError, OSError
-            The scenes cannot be listed; all served scenes are unchanged.
+            When the scenes cannot be listed; the open scenes are unchanged.
         """
         looks, self._look_cpu_s = await asyncio.to_thread(_timed, self.root.look)
         for scene_id, seen in looks.items():
@@ -155,7 +154,7 @@ class SceneRegistry:
                     pull_base_url=self._pull_base_url,
                 )
             except (StoreError, OSError) as error:
-                if _passes(error):
+                if _is_temporary(error):
                     del self._stamps[scene_id]
                 log("scene not opened", level=logging.ERROR, scene=scene_id, reason=str(error))
                 continue
@@ -175,7 +174,7 @@ class SceneRegistry:
         self.building = await asyncio.to_thread(self.root.building)
 
     async def watch(self, period_s: float) -> None:
-        """Refresh again and again until cancelled; less often where a look takes long."""
+        """Refresh periodically until cancelled; less often where that takes long."""
         while True:
             await asyncio.sleep(max(period_s, self._look_cpu_s / _LOOK_SHARE))
             try:
@@ -186,7 +185,7 @@ class SceneRegistry:
                 LOGGER.exception("scenes not refreshed")
 
     def close(self) -> None:
-        """Close every scene that nobody holds; the others follow when they are released."""
+        """Close every scene that is not held; the others close when they are released."""
         self.root.interrupt()
         for served in [*self._current.values(), *self._retired]:
             if not served.closed:
@@ -195,10 +194,10 @@ class SceneRegistry:
         self._current.clear()
         self._retired.clear()
         self.root.close()
-        self._readers.shutdown(wait=False)  # what it still reads holds its scene
+        self._readers.shutdown(wait=False)  # a running read holds its scene
 
     def _is_full(self) -> str | None:
-        """Return why no other scene can be opened, or None: connections need descriptors, too."""
+        """Return why no other scene can be opened, or None: connections need descriptors too."""
         most = most_packs()
         if self.root.fetch_threads or most is None:  # packs in object storage are no open files
             return None
@@ -233,15 +232,15 @@ class SceneRegistry:
         served.retire()
 
     async def _refresh_labels(self, scene_id: str, seen: Look) -> None:
-        """Read labels that have changed and hand them to every version that is open."""
+        """Read labels that have changed and give them to every open version."""
         if self._label_stamps.get(scene_id) == seen.labels:
             return
         self._label_stamps[scene_id] = seen.labels
         try:
-            kept = await asyncio.to_thread(lambda: KeptLabels.of(read_labels(seen.files)))
+            kept = await asyncio.to_thread(lambda: LabelsFile.of(read_labels(seen.files)))
         except (StoreError, OSError) as error:
-            # Once per change; the labels read before stay.
-            if _passes(error):
+            # Logged once per change; the last valid labels stay.
+            if _is_temporary(error):
                 del self._label_stamps[scene_id]
             log("labels not read", level=logging.ERROR, scene=scene_id, reason=str(error))
             return
@@ -252,7 +251,7 @@ class SceneRegistry:
                 served.use_labels(kept)
 
 
-def _passes(error: Exception) -> bool:
+def _is_temporary(error: Exception) -> bool:
     """Return whether an error is temporary, so that the next scan may read the file."""
     return isinstance(error, OriginError) or is_shortage(error)
 

@@ -1,4 +1,4 @@
-"""Where the scenes that are served lie: a folder, or an address in object storage."""
+"""Location of the served scenes: a folder, or an address in object storage."""
 
 from __future__ import annotations
 
@@ -35,30 +35,30 @@ _LABELS: Final = "labels.json"
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What is seen of a scene without opening anything."""
+    """State of a scene, found without opening it."""
 
     files: SceneFiles
     manifest: Hashable
-    """Another one when scene.json was replaced."""
+    """Changes when scene.json is replaced."""
     labels: Hashable | None
-    """None where nobody has set any."""
+    """Changes with labels.json; None where there is none."""
 
 
 class SceneRoot(Protocol):
-    """A folder or an address with scenes. :meth:`look` is called in a thread, by one at a time."""
+    """A folder or an address with scenes. :meth:`look` is called in a thread, one call at a time."""
 
     @property
     def fetch_threads(self) -> int:
-        """Threads of each scene that may wait for a network; 0 = there is none to wait for."""
+        """Threads of each scene that may wait for a network; 0 = no network."""
         ...
 
     @property
     def ahead_bytes(self) -> int:
-        """Payload bytes fetched ahead for each landing; 0 = nothing is."""
+        """Payload bytes that are prefetched for each landing; 0 = none."""
         ...
 
     def look(self) -> dict[str, Look]:
-        """Look at every scene; by id, ascending.
+        """Return the state of every scene by id, ascending.
 
         Raises
         ------
@@ -68,7 +68,7 @@ class SceneRoot(Protocol):
         ...
 
     def building(self) -> list[SceneBuilding]:
-        """List the scenes that are being built there just now; called as :meth:`look` is.
+        """List the scenes that are being built there; called as :meth:`look` is.
 
         Raises
         ------
@@ -78,15 +78,15 @@ class SceneRoot(Protocol):
         ...
 
     def show_counts(self, registry: CollectorRegistry) -> None:
-        """Register the counters of object storage, where it is one."""
+        """Register the metrics of object storage, where it is one."""
         ...
 
     def interrupt(self) -> None:
-        """Let a look that waits fail soon."""
+        """Make a waiting :meth:`look` fail soon."""
         ...
 
     def close(self) -> None:
-        """Close what is open for looking; may be called again."""
+        """Close what :meth:`look` opened; may be called again."""
         ...
 
 
@@ -100,7 +100,7 @@ class FolderRoot:
         self._directory = directory
 
     def look(self) -> dict[str, Look]:
-        """Look at every scene; see :class:`SceneRoot`."""
+        """See :class:`SceneRoot`."""
         looks = {}
         for scene_id, directory in list_scenes(self._directory).items():
             files = FolderFiles(directory)
@@ -110,17 +110,17 @@ class FolderRoot:
         return looks
 
     def building(self) -> list[SceneBuilding]:
-        """List what is being built there; see :class:`SceneRoot`."""
+        """See :class:`SceneRoot`."""
         return list_building(self._directory)
 
     def show_counts(self, registry: CollectorRegistry) -> None:
-        """Register nothing: a folder counts nothing."""
+        """Register nothing."""
 
     def interrupt(self) -> None:
-        """Do nothing: a look at a folder waits for no network."""
+        """Do nothing: a folder is read without waiting for a network."""
 
     def close(self) -> None:
-        """Do nothing: between two looks nothing is open."""
+        """Do nothing: nothing is open between two calls."""
 
 
 class ObjectRoot:
@@ -139,30 +139,30 @@ class ObjectRoot:
         self._storage = storage
         self._files: dict[str, ObjectFiles] = {}
         self._seen: dict[str, Look] = {}
-        self._doubted: set[str] = set()
+        self._missing: set[str] = set()
         self._has_answered = False
 
     @property
     def fetch_threads(self) -> int:
-        """As many threads as requests may be under way at once."""
+        """Maximum number of concurrent requests."""
         return self._storage.options.requests
 
     @property
     def ahead_bytes(self) -> int:
-        """Bytes, ``object_read_ahead_bytes``."""
+        """Setting ``object_read_ahead_bytes``."""
         return self._storage.options.read_ahead_bytes
 
     @property
     def storage(self) -> ObjectStorage:
-        """What all its scenes share: counts, cache."""
+        """Storage that all scenes share, with its metrics and cache."""
         return self._storage
 
     def look(self) -> dict[str, Look]:
-        """Look at every scene; see :class:`SceneRoot`.
+        """See :class:`SceneRoot`.
 
-        One that cannot be looked at is as it was before. One that is not there counts as gone when
-        it is not there twice in a row: the root may be vanishing as a whole, or its lists be late.
-        Until the storage has answered once, it is asked with little patience.
+        A scene whose files cannot be read keeps its last state. One that is missing counts as
+        gone when it is missing twice in a row, since lists can be late. Until the storage has
+        answered once, the timeout is short.
         """
         if not self._has_answered:
             self._storage.reach(self._url, REACH_S)
@@ -179,24 +179,24 @@ class ObjectRoot:
                 if manifest is not None:
                     looks[scene_id] = Look(files, manifest, files.stamp(_LABELS))
             except OriginError as error:
-                log("scene not looked at", level=logging.ERROR, scene=scene_id, reason=str(error))
+                log("scene not read", level=logging.ERROR, scene=scene_id, reason=str(error))
                 if scene_id in self._seen:
                     looks[scene_id] = self._seen[scene_id]
-        doubted = {name for name in self._seen if name not in looks} - self._doubted
-        looks |= {name: self._seen[name] for name in doubted}
-        self._seen, self._doubted = dict(sorted(looks.items())), doubted
+        missing = {name for name in self._seen if name not in looks} - self._missing
+        looks |= {name: self._seen[name] for name in missing}
+        self._seen, self._missing = dict(sorted(looks.items())), missing
         return self._seen
 
     def building(self) -> list[SceneBuilding]:
-        """List nothing: builds write to folders."""
+        """Return nothing: builds write to folders."""
         return []
 
     def show_counts(self, registry: CollectorRegistry) -> None:
-        """Add requests, bytes, retries and the like."""
+        """Register requests, bytes, retries."""
         ObjectMetrics(self._storage, registry)
 
     def interrupt(self) -> None:
-        """Let a look that waits fail soon."""
+        """Make a waiting :meth:`look` fail soon."""
         self._storage.interrupt()
         for files in list(self._files.values()):
             files.interrupt()
@@ -212,8 +212,8 @@ def root_of(settings: Settings) -> SceneRoot:
     Raises
     ------
     SettingsError
-        When the package for object storage is missing, the address can never be used, or the
-        cache's folder cannot be written to.
+        When the package for object storage is missing, the address is not valid, or the cache
+        folder is not writable.
     """
     if settings.scenes_url is None:
         return FolderRoot(settings.scenes_dir)
@@ -236,7 +236,7 @@ def root_of(settings: Settings) -> SceneRoot:
         timeout_s=settings.object_timeout_s,
     )
     try:
-        Origin(settings.scenes_url, options)  # asks for nothing
+        Origin(settings.scenes_url, options)  # sends no request
     except OriginError as error:
         if not error.passing:
             raise SettingsError("scenes_url", str(error)) from None

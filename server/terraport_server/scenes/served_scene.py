@@ -31,7 +31,7 @@ from terraport_store import (
 from terraport_store.labels import encode_labels
 from terraport_wire import BLOCK_BYTES, Hit, PullInfo
 
-__all__ = ["KeptLabels", "ServedScene"]
+__all__ = ["LabelsFile", "ServedScene"]
 
 _FAILURES_PER_MINUTE: Final = 6
 """Lines about segments of a scene that cannot be read: of a pack that is gone they are all the
@@ -45,7 +45,7 @@ _Said = tuple[dict[str, str], bytes]
 
 
 @dataclass(frozen=True, slots=True)
-class KeptLabels:
+class LabelsFile:
     """Labels of users by stable id, and the answer to who asks for them."""
 
     labels: Mapping[int, str]
@@ -60,7 +60,7 @@ class KeptLabels:
         return cls(labels, data, f'"{xxhash.xxh3_64_hexdigest(data)}"')
 
 
-_NO_LABELS: Final = KeptLabels.of({})
+_NO_LABELS: Final = LabelsFile.of({})
 
 
 class ServedScene:
@@ -104,7 +104,7 @@ class ServedScene:
         """Its payloads, for all clients."""
         self.names = names
         """Stable ids and labels; replaced as a whole when labels change, so any thread may ask."""
-        self.kept_labels = _NO_LABELS
+        self.labels_file = _NO_LABELS
         """What ``labels.json`` answers: written once for all who ask."""
         self._said: tuple[int, _Said] | None = None
         """What was last found to say of it, and the stamp of its folder then."""
@@ -269,9 +269,9 @@ class ServedScene:
             self._said = stamp, said
         return said
 
-    def use_labels(self, kept: KeptLabels) -> None:
+    def use_labels(self, kept: LabelsFile) -> None:
         """Take these labels in place of those before."""
-        self.kept_labels = kept
+        self.labels_file = kept
         self.names = self.names.with_labels(kept.labels)
 
     def hold(self) -> None:

@@ -1,7 +1,7 @@
-"""Strokes of served scenes, kept while they are asked for: a list of 2,000 is written once.
+"""Cache of the strokes of served scenes, and of what they have taught.
 
-Reading, writing and telling 16 MB takes more than a second of a processor. One of it is done at a
-time, in a thread, and only of what has changed; everybody is told by the same bytes.
+To read, write and encode 16 MB takes more than a second of CPU. One such task runs at a time, in a
+thread, and only encodes strokes that are new; all clients get the same bytes.
 """
 
 from __future__ import annotations
@@ -27,33 +27,33 @@ from terraport_store import (
 )
 from terraport_store.layout import MAX_STROKES_BYTES, STROKES, TAUGHT
 
-__all__ = ["KeptStrokes", "KeptTaught", "StrokeDesk"]
+__all__ = ["CachedStrokes", "CachedTaught", "StrokeCache"]
 
 _MAX_KEPT_BYTES: Final = MAX_STROKES_BYTES
-"""Of the files whose strokes are kept, together; in memory they take some seven times that. The
-newest stays whatever it has."""
+"""Bound on the size of the cached files; in memory they take seven times that. The newest always
+stays."""
 
 _MAX_KEPT_TAUGHT: Final = 2
-"""Scenes whose `taught.json` is kept."""
+"""Number of scenes whose `taught.json` is cached."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class KeptStrokes:
-    """The strokes of a scene as of one revision, and how they are told."""
+class CachedStrokes:
+    """The strokes of a scene at one revision, and their JSON."""
 
     strokes: Strokes
     rows: dict[Stroke, bytes]
-    """Each as JSON, but for whether it is one's own."""
+    """JSON of each stroke without its end: ``yours`` differs between clients."""
     stamp: Hashable
-    """Of the file."""
+    """Of the file when it was read."""
 
     @property
     def size_bytes(self) -> int:
-        """Of the file, about."""
+        """Approximate size of the file."""
         return sum(map(len, self.rows.values()))
 
-    def told_to(self, who: str) -> Iterator[bytes]:
-        """Write the answer to somebody, a piece for each stroke."""
+    def response(self, who: str) -> Iterator[bytes]:
+        """Yield the response to the bearer of a token, one piece per stroke."""
         yield b'{"strokes":['
         for number, (stroke, row) in enumerate(self.rows.items()):
             yours = b"true" if stroke.who == who else b"false"
@@ -61,40 +61,40 @@ class KeptStrokes:
         yield b'],"revision":%b}' % json.dumps(self.strokes.revision).encode()
 
 
-class KeptTaught(NamedTuple):
-    """A file of what strokes have taught, for all who ask."""
+class CachedTaught(NamedTuple):
+    """Contents of `taught.json`."""
 
     data: bytes | None
-    """None where there is none."""
+    """None where there is no such file."""
     etag: str
     """Quotes included."""
     stamp: Hashable
 
 
-class StrokeDesk:
-    """Reads and changes strokes; lives on one event loop."""
+class StrokeCache:
+    """Reads, changes and caches strokes; lives on one event loop."""
 
     def __init__(self) -> None:
-        self._kept: OrderedDict[Path, KeptStrokes] = OrderedDict()
-        self._taught: OrderedDict[Path, KeptTaught] = OrderedDict()
-        self._turn = asyncio.Lock()
+        self._kept: OrderedDict[Path, CachedStrokes] = OrderedDict()
+        self._taught: OrderedDict[Path, CachedTaught] = OrderedDict()
+        self._lock = asyncio.Lock()
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="strokes")
 
-    async def read(self, folder: Path) -> KeptStrokes:
+    async def read(self, folder: Path) -> CachedStrokes:
         """Return the strokes of the scene in a folder; raises as :func:`read_strokes`."""
-        async with self._turn:
+        async with self._lock:
             kept = await self._run(_read, folder, self._kept.get(folder))
             return self._keep(folder, kept)
 
     async def change(self, folder: Path, change: Callable[[Strokes], Strokes]) -> Strokes:
-        """Change them; raises as :func:`change_strokes`, and what *change* raises."""
-        async with self._turn:
+        """Change the strokes; raises as :func:`change_strokes`, and what *change* raises."""
+        async with self._lock:
             kept = await self._run(_change, folder, self._kept.get(folder), change)
             return self._keep(folder, kept).strokes
 
-    async def taught(self, folder: Path) -> KeptTaught:
-        """Return what they have taught; raises as :func:`read_taught`."""
-        async with self._turn:
+    async def taught(self, folder: Path) -> CachedTaught:
+        """Return what the strokes have taught; raises as :func:`read_taught`."""
+        async with self._lock:
             loop = asyncio.get_running_loop()
             before = self._taught.get(folder)
             taught = await loop.run_in_executor(self._thread, _read_taught, folder, before)
@@ -105,13 +105,13 @@ class StrokeDesk:
             return taught
 
     def stop(self) -> None:
-        """Begin nothing more."""
+        """Start no more tasks."""
         self._thread.shutdown(wait=False, cancel_futures=True)
 
-    async def _run(self, work: Callable[..., KeptStrokes], *arguments: object) -> KeptStrokes:
+    async def _run(self, work: Callable[..., CachedStrokes], *arguments: object) -> CachedStrokes:
         return await asyncio.get_running_loop().run_in_executor(self._thread, work, *arguments)
 
-    def _keep(self, folder: Path, kept: KeptStrokes) -> KeptStrokes:
+    def _keep(self, folder: Path, kept: CachedStrokes) -> CachedStrokes:
         self._kept[folder] = kept
         self._kept.move_to_end(folder)
         while len(self._kept) > 1 and sum(one.size_bytes for one in self._kept.values()) > (
@@ -121,8 +121,8 @@ class StrokeDesk:
         return kept
 
 
-def _read(folder: Path, before: KeptStrokes | None) -> KeptStrokes:
-    # The stamp first: what is written meanwhile is read the next time.
+def _read(folder: Path, before: CachedStrokes | None) -> CachedStrokes:
+    # The stamp first: a change while reading is then noticed by the next call.
     stamp = FolderFiles(folder).stamp(STROKES)
     if before is not None and before.stamp == stamp:
         return before
@@ -130,25 +130,25 @@ def _read(folder: Path, before: KeptStrokes | None) -> KeptStrokes:
     return _kept(strokes, before, stamp)
 
 
-def _read_taught(folder: Path, before: KeptTaught | None) -> KeptTaught:
+def _read_taught(folder: Path, before: CachedTaught | None) -> CachedTaught:
     stamp = FolderFiles(folder).stamp(TAUGHT)
     if before is not None and before.stamp == stamp:
         return before
     data = read_taught(folder)
-    return KeptTaught(data, f'"{xxhash.xxh3_64_hexdigest(data or b"")}"', stamp)
+    return CachedTaught(data, f'"{xxhash.xxh3_64_hexdigest(data or b"")}"', stamp)
 
 
 def _change(
-    folder: Path, before: KeptStrokes | None, change: Callable[[Strokes], Strokes]
-) -> KeptStrokes:
+    folder: Path, before: CachedStrokes | None, change: Callable[[Strokes], Strokes]
+) -> CachedStrokes:
     strokes = change_strokes(folder, change, None if before is None else before.strokes)
-    return _kept(strokes, before, None)  # the next look reads it anew, which is cheap by now
+    return _kept(strokes, before, None)  # the next read parses it again, which is cheap for known strokes
 
 
-def _kept(strokes: Strokes, before: KeptStrokes | None, stamp: Hashable) -> KeptStrokes:
+def _kept(strokes: Strokes, before: CachedStrokes | None, stamp: Hashable) -> CachedStrokes:
     known = {} if before is None else before.rows
     rows = {stroke: known.get(stroke) or _row(stroke) for stroke in strokes.strokes}
-    return KeptStrokes(strokes, rows, stamp)
+    return CachedStrokes(strokes, rows, stamp)
 
 
 def _row(stroke: Stroke) -> bytes:

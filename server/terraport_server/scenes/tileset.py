@@ -1,7 +1,7 @@
-"""The 3D Tiles of served scenes: made when somebody asks, and kept for a while.
+"""Cache of the 3D Tiles of served scenes, made on request.
 
-The parts of the base are the one thing that a scene does not have as it is; they are cut in a
-thread, one scene at a time, in about a second per 100,000 faces.
+A scene does not contain the parts of its base; they are cut in a thread, one scene at a time, in
+about a second per 100,000 faces.
 """
 
 from __future__ import annotations
@@ -21,61 +21,60 @@ from terraport_store.tiles.scene_tiles import SceneTiles
 from terraport_store.tiles.tile_glb import TileFacts, unlit_glb
 from terraport_store.tiles.tileset import Tileset
 
-__all__ = ["MAX_KEPT_BYTES", "ServedTiles", "TileDesk"]
+__all__ = ["MAX_KEPT_BYTES", "ServedTiles", "TilesetCache"]
 
 _Made = TypeVar("_Made")
 
 MAX_KEPT_BYTES: Final = 128 << 20
-"""Parts of bases and tilesets in memory, least recently asked for out first; those of the newest
-scene stay."""
+"""Bound of the cache; the least recently used scene goes first, the newest always stays."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ServedTiles:
-    """What is served of one version of a scene."""
+    """Tileset and base parts of one version of a scene."""
 
     tileset: Tileset
-    """For all radii; up to 25 MB for 100,000 segments, and a second to write."""
+    """For every radius; for 100,000 segments up to 25 MB, and a second to write."""
     digest: str
-    """Of it, without a radius."""
+    """Hash of the tileset without a radius."""
     parts: dict[str, bytes]
-    """By the hash of their bytes, so that an address has one content."""
+    """Parts by the hash of their bytes, so that an address has one content."""
 
     @property
     def bytes(self) -> int:
-        """Of all parts and the tileset."""
+        """Size of all parts and the tileset."""
         return self.tileset.size_bytes + sum(len(part) for part in self.parts.values())
 
 
-class TileDesk:
-    """Makes tiles; lives on one event loop."""
+class TilesetCache:
+    """Makes and caches tiles; lives on one event loop."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[tuple[str, str], ServedTiles] = OrderedDict()
-        self._turn = asyncio.Lock()
+        self._lock = asyncio.Lock()
 
     async def tiles(self, served: ServedScene) -> ServedTiles:
         """Return the tiles of a scene; raises as :meth:`part`."""
         tiles = self._kept.get((served.id, served.version))
         if tiles is not None:
             return tiles
-        async with self._turn:
+        async with self._lock:
             return await self._tiles(served)
 
     async def part(self, served: ServedScene, name: str) -> bytes | None:
-        """Return a part of the base by its name; None where there is none of it.
+        """Return a part of the base by its name; None where there is none of that name.
 
         Raises
         ------
         PayloadError, StoreError, OSError
-            When the scene is not whole.
+            When the scene is damaged.
         ModuleNotFoundError
             When pyproj or Pillow is not installed.
         """
         return (await self.tiles(served)).parts.get(name)
 
     async def segment(self, served: ServedScene, number: int) -> bytes:
-        """Return a segment with unlit materials, like those of the base's parts.
+        """Return a segment with unlit materials, like those of the base parts.
 
         Raises
         ------
@@ -85,7 +84,7 @@ class TileDesk:
         return await self._in_thread(served, lambda: unlit_glb(served.scene.payload(number)))
 
     async def _tiles(self, served: ServedScene) -> ServedTiles:
-        """Find or make what is served; its caller has the turn."""
+        """Find or make the tiles; the caller holds the lock."""
         key = (served.id, served.version)
         tiles = self._kept.get(key)
         if tiles is None:
@@ -101,7 +100,7 @@ class TileDesk:
 
     @staticmethod
     async def _in_thread(served: ServedScene, work: Callable[[], _Made]) -> _Made:
-        """Run it in a thread, with the scene held open."""
+        """Run in a thread, with the scene held open."""
         served.hold()
         try:
             loop = asyncio.get_running_loop()
@@ -119,7 +118,7 @@ def _make(served: ServedScene) -> ServedTiles:
         scene.manifest.hand_off.deviation_m,
     )
     _, regions = read_names(scene.files)
-    # Without labels: they change, and the bytes behind an address do not.
+    # Without labels: they can change, and the bytes behind an address must not.
     facts = TileFacts.of(scene.manifest, regions["regions"])
     parts = list(tiles.encode_parts(facts))
     names = [xxhash.xxh3_64_hexdigest(part) for part in parts]
