@@ -142,6 +142,7 @@ class Client:
             return
         chunks = self.session.next_chunks(chunk.total + 1)
         assert chunks[0] == chunk, "several begin with the one"
+        assert sum(one.length for one in chunks[:-1]) <= chunk.total, "no more than asked for"
         chunks = list(takewhile(lambda sent_chunk: sent_chunk.segment not in self.corrupt, chunks))
         chunks = chunks[: 1 + (chunk.segment % len(chunks) if self.in_runs else 0)]
         self.session.chunks_sent(chunks, self.now_s)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from server.session_model import (
@@ -50,6 +52,18 @@ def test_what_is_nearby_may_be_evicted_while_the_landing_is_under_way() -> None:
     assert kinds(client.run()) == ["SendChunk", "Ready"]
     client.tell(land(3, 40.0))
     assert client.run()[0].load["id"].tolist() == [3]
+
+
+@pytest.mark.parametrize("make", [land, aim])
+def test_parts_that_the_new_plan_does_not_need_are_forgotten(make: Any) -> None:
+    client = make_client(make_scene(12, length=300_000))
+    client.tell(make(1))
+    client.run(until=lambda: len(client.chunks) == 1)
+    client.tell(make(2, 100.0, radius_m=5.0))
+    client.run()
+    client.tell(land(3, radius_m=5.0))
+    chunks = [item for item in client.run() if isinstance(item, SendChunk)]
+    assert chunks[0].offset == 0
 
 
 def test_the_server_bounds_the_plan_too() -> None:

@@ -168,3 +168,13 @@ def test_held_is_charged_by_its_rows() -> None:
     assert last_error(client).code == ErrorCode.TOO_MANY
     # Five each: one for the message, four for its rows; hello and land took one each.
     assert told == (tokens - 2) // 5 + 1
+
+
+def test_what_is_fetched_does_not_count_as_unsent() -> None:
+    client = make_puller()
+    client.tell(land(1))
+    client.run()
+    fetched(client, 0)
+    client.tell(land(2, x=100.0))
+    superseded, _ = client.run()
+    assert superseded.unsent_bytes == 1001 + 1002
