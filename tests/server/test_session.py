@@ -31,21 +31,29 @@ from terraport_server.session.session import INTERNAL_TEXT, Session
 from terraport_wire import (
     HELD_DTYPE,
     MAX_CHUNK_BYTES,
+    Arrived,
     Budgets,
     Bye,
     CloseCode,
     Credit,
     Direction,
+    Error,
     ErrorCode,
     Evict,
     FieldError,
+    Gather,
+    Gathering,
     Held,
     HeldChecked,
+    Join,
+    Joined,
+    Leave,
     Notice,
     Pick,
     Plan,
     Ready,
     Reject,
+    Roster,
     Superseded,
     Unknown,
     decode,
@@ -468,3 +476,101 @@ def test_evicted_rejected_and_left_segments_are_waste() -> None:
     client.session.ended()
     assert ear.ended[2:] == [(1001 + 1002, 0)], "segment 1 came again"
     assert sum(sent for sent, _ in ear.ended) == sum(chunk.length for chunk in client.chunks)
+
+
+# Groups: what they do is in test_groups.py.
+
+
+class GroupCalls:
+    """A group port that records what the session asks of it."""
+
+    def __init__(self) -> None:
+        self.calls: list[Any] = []
+
+    def join(self, join: Join, place: Any, now_s: float) -> str | None:
+        self.calls.append(("join", place))
+        return "full" if join.group == "full" else None
+
+    def leave(self, now_s: float) -> None:
+        self.calls.append("leave")
+
+    def gather(self, gather: Gather, now_s: float) -> str | None:
+        self.calls.append("gather")
+        return None
+
+    def arrived(self, arrived: Arrived) -> None:
+        self.calls.append(arrived)
+
+    def landed(self, place: Any, now_s: float) -> None:
+        self.calls.append(("landed", place))
+
+
+def grouped() -> tuple[Client, list[Any]]:
+    scene, port = make_scene(), GroupCalls()
+    limits = SessionLimits(max_messages_per_s=1e6)
+    session = Session(scene, limits, session_id="s", now_s=0.0, groups=port)
+    client = Client(session, scene)
+    client.greet()
+    return client, port.calls
+
+
+def gathering(number: int) -> Gathering:
+    return Gathering(gathering=number, guide=1, position=(0.0, 0.0, 0.0), radius_m=9.0)
+
+
+def roster(group: str) -> Roster:
+    return Roster(group=group, members=())
+
+
+def test_a_join_says_where_the_newest_accepted_landing_is() -> None:
+    client, calls = grouped()
+    client.tell(land(1, 5.0))
+    client.tell(land(2, 7.0, 1e6))  # refused: too large
+    client.tell(aim(3, 9.0))
+    client.tell(Join(request=1, group="full", role="member"))
+    client.tell(Bye())
+    assert calls == [("landed", (5.0, 0.0, 0.0)), ("join", (5.0, 0.0, 0.0)), "leave"]
+
+
+def test_refusals_of_groups_leave_the_session_open() -> None:
+    client, calls = grouped()
+    client.tell(Join(request=1, group="full", role="member"))
+    client.tell(Gather(request=2, position=(0.0, 0.0, 0.0), radius_m=500.5))
+    client.tell(land(1))
+    client.session.drain(0.0, 10.0)
+    client.tell(Join(request=3, group="tour", role="member"))
+    client.run()
+    errors = [m for m in client.messages if isinstance(m, Error)]
+    assert [(error.request, error.fatal) for error in errors] == [
+        (1, False),
+        (2, False),
+        (3, False),
+    ]
+    assert "at most 500" in errors[1].message
+    assert "goes away" in errors[2].message
+    assert calls == [("join", None), ("landed", (0.0, 0.0, 0.0))]
+
+
+def test_of_group_messages_that_wait_the_newest_of_each_type_is_sent_before_payload() -> None:
+    client, _ = grouped()
+    client.tell(land(1))
+    client.run(most=2)
+    for number in range(1, 500):
+        client.session.tell_group(gathering(number))
+        client.session.tell_group(roster(f"g{number}"))
+    assert client.session.pending == 0
+    assert client.run(most=2) == [gathering(499), roster("g499")]
+    assert kinds(client.run(most=1)) == ["SendChunk"]
+
+
+@pytest.mark.parametrize("way", ["leave", "join another"])
+def test_news_of_a_group_that_was_left_are_dropped(way: str) -> None:
+    client, _ = grouped()
+    client.session.tell_group(roster("old"))
+    joined = Joined(request=1, group="new", member=1, role="member", seat="s")
+    if way == "leave":
+        client.tell(Leave())
+    else:
+        client.session.tell_group(joined)
+    client.session.tell_group(gathering(1))
+    assert client.run() == ([] if way == "leave" else [joined]) + [gathering(1)]
