@@ -1,1 +1,1 @@
-"""Endpoints beside the stream: scenes, payload, viewer, tiles, strokes."""
+"""HTTP endpoints: scenes, payload, viewer, tiles, strokes."""

@@ -1,8 +1,4 @@
-"""What holds for every HTTP request, whatever it asks for.
-
-An ASGI middleware: it refuses a Host that is not this service's, adds the
-headers that keep browsers from guessing, and counts the answers.
-"""
+"""ASGI middleware of all HTTP requests: Host check, security headers, response counts."""
 
 from __future__ import annotations
 
@@ -23,38 +19,37 @@ _EVERYWHERE: Final = (
     (b"referrer-policy", b"no-referrer"),
     _NO_FRAMES,
 )
-"""Headers of every answer of the application."""
+"""Headers of every response."""
 
-# Pages without a policy of their own carry their pictures and styles with them, and have no
-# scripts: the list of scenes, a build's report.
+# Of pages without a policy of their own (the list of scenes, a build's report): their pictures and
+# styles are inline, and they have no scripts.
 _PAGE_POLICY: Final = (
     b"default-src 'none'; img-src data:; style-src 'unsafe-inline'; frame-ancestors 'none'; "
     b"base-uri 'none'; form-action 'none'"
 )
 
 _DOCS: Final = "/docs"
-"""FastAPI's page loads its script from elsewhere."""
+"""FastAPI's page, which loads its script from another origin."""
 
 
 class Refusal(NamedTuple):
-    """Why a request is not answered."""
+    """Reason for refusing a request."""
 
     reason: str
-    """For metric and log."""
+    """Label of metric and log."""
     status: int
     code: str
     text: str
 
 
 class AppGuard:
-    """Middleware that refuses requests before the application sees them, and counts answers.
+    """The middleware.
 
     Parameters
     ----------
     app
-        What answers.
     service
-        For settings and metrics.
+        Its settings and metrics.
     """
 
     def __init__(self, app: ASGIApp, service: Service) -> None:
@@ -64,7 +59,7 @@ class AppGuard:
         """Last accepted host: the next request mostly has the same one."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request; WebSockets pass, their endpoint checks for itself."""
+        """Handle one request; WebSockets pass, since their endpoint has its own checks."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -109,7 +104,7 @@ def _added(scope: Scope, message: Message) -> list[tuple[bytes, bytes]]:
     is_page = headers.get(b"content-type", b"").startswith(b"text/html")
     policy = headers.get(b"content-security-policy", b"")
     if b"frame-ancestors" in policy and b"frame-ancestors 'none'" not in policy:
-        added.remove(_NO_FRAMES)  # the policy says who may; the older header knows no list
+        added.remove(_NO_FRAMES)  # the policy lists them; the older header cannot
     if is_page and b"content-security-policy" not in headers and scope["path"] != _DOCS:
         added.append((b"content-security-policy", _PAGE_POLICY))
     return added

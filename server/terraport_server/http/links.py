@@ -1,4 +1,4 @@
-"""Addresses that the service tells of: relative to its root, to hold behind any prefix."""
+"""Links of responses, relative to the server URL so that they are valid behind any prefix."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = [
     "summary_of",
 ]
 
-_SAID_BY_BUILDS: Final = (
+_BUILD_FILES: Final = (
     ("report", "report", REPORT),
     ("report_pdf", REPORT_PDF, REPORT_PDF),
     ("preview", PREVIEW, PREVIEW),
@@ -34,25 +34,25 @@ def scene_path(scene_id: str) -> str:
 
 
 def links_of(served: ServedScene) -> dict[str, str]:
-    """Return the addresses of a scene's parts; not to be changed.
+    """Return the links of a scene; not to be changed.
 
-    Those of what a build says of the scene are among them where there is a file of it, and for a
-    scene in object storage always: whether there is one is not known without asking there.
+    Those to the build's report and preview are included where the file exists, and always for a
+    scene in object storage, where that is not known without a request.
     """
-    return _said_of(served)[0]
+    return _described(served)[0]
 
 
 def summary_of(served: ServedScene) -> bytes:
-    """Return the line of a scene in the list of all, as JSON."""
-    return _said_of(served)[1]
+    """Return the line of a scene in the list of scenes, as JSON."""
+    return _described(served)[1]
 
 
-def _said_of(served: ServedScene) -> tuple[dict[str, str], bytes]:
-    """Return links and line; looked for anew where something came to the scene's folder, or went.
+def _described(served: ServedScene) -> tuple[dict[str, str], bytes]:
+    """Return links and line, cached until a file comes to the scene's folder or goes.
 
-    Of ten thousand scenes three files each would be looked for whenever somebody lists them.
+    Otherwise each list of ten thousand scenes would look for three files of each.
     """
-    return served.while_folder_rests(lambda: _find(served))
+    return served.cached_description(lambda: _find(served))
 
 
 def _find(served: ServedScene) -> tuple[dict[str, str], bytes]:
@@ -83,14 +83,14 @@ def _find_links(served: ServedScene) -> dict[str, str]:
     }
     if OVERVIEW in served.scene.manifest.files:
         links["overview"] = f"{root}/{OVERVIEW}{query}"
-    for link, path, name in _SAID_BY_BUILDS:
+    for link, path, name in _BUILD_FILES:
         if served.fetchers is not None or has_local_file(served, name):
             links[link] = f"{root}/{path}"
     return links
 
 
 def has_local_file(served: ServedScene, name: str) -> bool:
-    """Tell whether a build left a file of this name that is of the scene, and local."""
+    """Return whether the scene's local folder has a file of this name."""
     try:
         return path_inside(served.scene.path, name).is_file()
     except OSError:
@@ -104,6 +104,6 @@ def building_line(build: SceneBuilding) -> dict[str, Any]:
 
 
 def service_links(settings: Settings) -> dict[str, str]:
-    """Return the pages beside the scenes that answer to anybody."""
+    """Return the links of the service that need no token."""
     links = {"docs": settings.serves_docs, "metrics": settings.serves_metrics}
     return {name: name for name, served in links.items() if served}

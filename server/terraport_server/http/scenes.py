@@ -1,4 +1,4 @@
-"""The HTTP endpoints beside the stream."""
+"""Endpoints of scenes and their files, health and metrics, and the responses to errors."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ __all__ = ["add_routes"]
 _router = APIRouter()
 
 _MAX_REPORT_BYTES = 64 << 20
-"""Of a report in object storage: it passes through memory."""
+"""Maximum size of a report in object storage: it passes through memory."""
 
 
 def add_routes(app: FastAPI) -> None:
-    """Add the endpoints and the answers to their errors; ``app.state.service`` must be set."""
+    """Add the endpoints and error handlers; ``app.state.service`` must be set."""
     for routes in (tile_routes, stroke_routes, payload_routes, _router, pack_routes):
         app.include_router(routes)
     app.add_exception_handler(AccessError, _access_refused)
@@ -79,19 +79,19 @@ async def _token_pass(request: Request, service: ServiceOfRequest) -> TokenPass:
 async def list_scenes(
     service: ServiceOfRequest, token_pass: Annotated[TokenPass, Depends(_token_pass)]
 ) -> Response:
-    """List id, name, version and size of every scene that the token opens, and what is beside."""
+    """List every scene that the token opens, scenes being built, and links of the service."""
     pieces = in_turns(_list_pieces(service, token_pass), service.turns)
     return StreamingResponse(pieces, media_type="application/json")
 
 
 def _list_pieces(service: Service, token_pass: TokenPass) -> Iterator[bytes]:
-    """Write the list, a piece for each scene."""
+    """Yield the list, one piece per scene."""
     registry, is_first = service.registry, True
     yield b'{"scenes":['
     for scene_id in registry.ids():
         if not token_pass.opens(scene_id):
             continue
-        with contextlib.suppress(UnknownSceneError):  # gone while the list was sent
+        with contextlib.suppress(UnknownSceneError):  # removed while the list was sent
             yield (b"" if is_first else b",") + summary_of(registry.get(scene_id))
             is_first = False
     rest: dict[str, Any] = {"links": service_links(service.settings)}
@@ -125,11 +125,11 @@ def get_base(
     return _file(request, served, "base.glb", "model/gltf-binary", v, service)
 
 
-@_router.get("/scenes/{scene_id}/overview.glb", summary="What to show before the base is there")
+@_router.get("/scenes/{scene_id}/overview.glb", summary="A coarse first picture")
 def get_overview(
     request: Request, served: SceneOfRequest, service: ServiceOfRequest, v: str | None = None
 ) -> Response:
-    """Return the overview; 404 where the base is small enough to be the first picture."""
+    """Return the overview; 404 for a small base, which needs none."""
     if OVERVIEW not in served.scene.manifest.files:
         raise RequestError(
             404, "unknown_overview", "the scene has no overview, since its base is small"
@@ -141,7 +141,7 @@ def get_overview(
 def get_cover(
     request: Request, served: SceneOfRequest, service: ServiceOfRequest, v: str | None = None
 ) -> Response:
-    """Return the cover, as spec/scene-format.md has it."""
+    """Return the cover (spec/scene-format.md)."""
     return _file(request, served, "base.cover", "application/octet-stream", v, service)
 
 
@@ -153,9 +153,9 @@ def get_regions(
     return _file(request, served, "regions.json", "application/json", v, service)
 
 
-@_router.get("/scenes/{scene_id}/labels.json", summary="What people call the regions")
+@_router.get("/scenes/{scene_id}/labels.json", summary="Labels of the regions")
 async def get_labels(request: Request, served: SceneOfRequest) -> Response:
-    """Return the labels by stable id, as they are now: they belong to no version."""
+    """Return the current labels by stable id; they belong to no version."""
     kept = served.labels_file
     headers = {"ETag": kept.etag, "Cache-Control": CHECK, "Vary": "Authorization"}
     if is_unchanged(request, headers["ETag"]):
@@ -163,25 +163,25 @@ async def get_labels(request: Request, served: SceneOfRequest) -> Response:
     return Response(kept.data, media_type="application/json", headers=headers)
 
 
-@_router.get("/scenes/{scene_id}/report", summary="The build's report, where there is one")
+@_router.get("/scenes/{scene_id}/report", summary="The build's report")
 async def get_report(served: SceneOfRequest) -> Response:
-    """Return the build's report of the scene; 404 where the build left none."""
-    return await _said_by_build(served, REPORT, "text/html")
+    """Return the build's report; 404 where there is none."""
+    return await _build_file(served, REPORT, "text/html")
 
 
-@_router.get("/scenes/{scene_id}/report.pdf", summary="The report to print, where there is one")
+@_router.get("/scenes/{scene_id}/report.pdf", summary="The report as PDF")
 async def get_report_pdf(served: SceneOfRequest) -> Response:
-    """Return the report's page to print; 404 where there is none."""
-    return await _said_by_build(served, REPORT_PDF, "application/pdf")
+    """Return the report's page for printing; 404 where there is none."""
+    return await _build_file(served, REPORT_PDF, "application/pdf")
 
 
-@_router.get("/scenes/{scene_id}/preview.jpg", summary="A small picture, where there is one")
+@_router.get("/scenes/{scene_id}/preview.jpg", summary="A small picture of the scene")
 async def get_preview(served: SceneOfRequest) -> Response:
-    """Return the picture that the build's report drew of the scene; 404 where there is none."""
-    return await _said_by_build(served, PREVIEW, "image/jpeg")
+    """Return the preview of the scene; 404 where there is none."""
+    return await _build_file(served, PREVIEW, "image/jpeg")
 
 
-async def _said_by_build(served: ServedScene, name: str, media_type: str) -> Response:
+async def _build_file(served: ServedScene, name: str, media_type: str) -> Response:
     headers = {"Cache-Control": CHECK}
     if has_local_file(served, name):
         with contextlib.suppress(OSError):
@@ -190,9 +190,9 @@ async def _said_by_build(served: ServedScene, name: str, media_type: str) -> Res
         data = await served.read(name, _MAX_REPORT_BYTES)
     except OriginError as error:
         log("report not read", level=logging.ERROR, scene=served.id, reason=str(error))
-        text = "the report cannot be had now; try again later"
+        text = "the report is not available now; try again later"
         raise RequestError(503, "report_unavailable", text) from None
-    except OSError:  # there is none, or a link that leads out of the scene
+    except OSError:  # missing, or a link out of the scene
         text = f"this scene has no report, expected {name} from terraport report"
         raise RequestError(404, "unknown_report", text) from None
     return Response(data, media_type=media_type, headers=headers)
@@ -200,13 +200,13 @@ async def _said_by_build(served: ServedScene, name: str, media_type: str) -> Res
 
 @_router.get("/healthz", summary="Whether the process runs", response_class=PlainTextResponse)
 async def get_health() -> str:
-    """Answer 200 while the process runs, whatever state the service is in."""
+    """Return 200 while the process runs."""
     return "ok\n"
 
 
-@_router.get("/readyz", summary="Whether new sessions are taken")
+@_router.get("/readyz", summary="Whether new sessions are accepted")
 async def get_readiness(service: ServiceOfRequest) -> PlainTextResponse:
-    """Say ok, or 503 while starting or draining, or without any scene."""
+    """Return 200, or 503 while starting or draining, or without any scene."""
     draining = service.draining and not service.replaced
     if draining or not service.ready:
         return PlainTextResponse("draining\n" if draining else "starting\n", 503)
@@ -226,7 +226,7 @@ async def _check_metrics_token(request: Request, service: ServiceOfRequest) -> N
         raise HTTPException(404)
     given = (token_of(request) or "").encode("utf-8", "surrogatepass")
     right = settings.metrics_token.get_secret_value().encode()
-    # Digests: of one length, whatever was given.
+    # Digests have one length, whatever the client sent.
     if not hmac.compare_digest(sha256(given).digest(), sha256(right).digest()):
         raise AccessError(ErrorCode.UNAUTHORISED)
 
@@ -252,7 +252,7 @@ def _file(
     path = served.scene.manifest.files[key].path
     try:
         return OpenFileResponse(served.scene.path, path, media_type, headers)
-    except FileNotFoundError:  # an old version whose files are gone
+    except FileNotFoundError:  # an old version whose files were deleted
         raise UnknownSceneError(served.id, served.version) from None
     except OSError as error:
         served.tell_failure("file_not_served", None, error)
@@ -260,7 +260,7 @@ def _file(
 
 
 def _error(status: int, code: str, text: str, headers: dict[str, str] | None = None) -> Response:
-    """Return the JSON body of every refused request."""
+    """Return the JSON response of a refused request."""
     return JSONResponse({"error": {"code": code, "message": text}}, status, headers=headers)
 
 
@@ -279,7 +279,7 @@ def _not_routed(_request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     status = HTTPStatus(error.status_code)
     code = status.phrase.lower().replace(" ", "_")
-    return _error(status, code, "got a request that nothing here answers, expected one of the API")
+    return _error(status, code, "got a request for an unknown address, expected one of the API")
 
 
 def _not_understood(_request: Request, error: Exception) -> Response:
@@ -289,7 +289,7 @@ def _not_understood(_request: Request, error: Exception) -> Response:
 
 
 def _failed(_request: Request, _fault: Exception) -> Response:
-    """Answer a fault of our own; uvicorn logs its trace."""
+    """Respond to an internal error; uvicorn logs its traceback."""
     return _error(500, ErrorCode.INTERNAL, INTERNAL_TEXT)
 
 

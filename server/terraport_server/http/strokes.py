@@ -1,7 +1,7 @@
-"""Strokes that people paint on the ground, over HTTP, and what they have taught.
+"""Endpoints of strokes that people paint on the ground, and of what they have taught.
 
-Nothing is learned here: a program beside the service reads the strokes and writes what they taught
-(``terraport teach --watch``). What is painted is kept beside the scene by the store.
+The service does not learn: ``terraport teach --watch`` reads the strokes and writes what they
+taught. The store keeps strokes in the scene's folder.
 """
 
 from __future__ import annotations
@@ -45,6 +45,9 @@ stroke_routes = APIRouter()
 
 _JSON = "application/json"
 
+_MAX_BODY_BYTES = 16 << 10
+"""Maximum size of a stroke: one with the most points takes 12 KB."""
+
 _READ_ONLY = (
     "the service cannot write to this scene's folder, expected one that it may write strokes to; "
     "mount the scenes writable, and let the service's user own them"
@@ -74,7 +77,7 @@ def _is_writable(served: ServedScene) -> bool:
 async def _painter(
     request: Request, served: SceneOfRequest, service: ServiceOfRequest
 ) -> TokenPass:
-    """Return who may paint."""
+    """Return the rights of a bearer who may paint."""
     token_pass = service.gate.find(token_of(request))
     if token_pass is None:
         raise AccessError(ErrorCode.UNAUTHORISED)
@@ -96,23 +99,23 @@ async def _painter(
 Painter = Annotated[TokenPass, Depends(_painter)]
 
 
-@stroke_routes.get("/scenes/{scene_id}/strokes", summary="What was painted on the ground")
+@stroke_routes.get("/scenes/{scene_id}/strokes", summary="Strokes on the ground")
 async def get_strokes(
     request: Request, served: SceneOfRequest, service: ServiceOfRequest, painter: Painter
 ) -> Response:
-    """List the strokes, with who painted them and when."""
+    """List the strokes, with their authors and times."""
     try:
-        kept = await service.strokes.read(served.scene.path)
+        cached = await service.strokes.read(served.scene.path)
     except (StoreError, OSError) as error:
         raise _unavailable(served, error) from None
     headers = {
-        "ETag": f'"{kept.strokes.revision or "none"}"',
+        "ETag": f'"{cached.strokes.revision or "none"}"',
         "Cache-Control": CHECK,
         "Vary": "Authorization",
     }
     if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
-    pieces = in_turns(kept.response(painter.name), service.turns)
+    pieces = in_turns(cached.response(painter.name), service.turns)
     return StreamingResponse(pieces, media_type=_JSON, headers=headers)
 
 
@@ -120,13 +123,13 @@ async def get_strokes(
 async def post_stroke(
     request: Request, served: SceneOfRequest, service: ServiceOfRequest, painter: Painter
 ) -> Response:
-    """Keep a stroke: its name, colour, width and line."""
+    """Add a stroke: its name, colour, width and line."""
     _count(service, painter)
     if request.headers.get("content-type", "").partition(";")[0].strip().lower() != _JSON:
-        # A browser asks before it sends this type elsewhere, so no foreign page can.
+        # Browsers send this type to another origin only after a preflight request.
         raise RequestError(415, ErrorCode.INVALID_FIELD, f"got another type, expected {_JSON}")
     try:
-        body = json.loads(await request.body())
+        body = json.loads(await _body(request))
         stroke = Stroke.painted(
             body,
             stroke_id=secrets.token_hex(8),
@@ -136,24 +139,26 @@ async def post_stroke(
     except StrokeError as error:
         raise RequestError(400, ErrorCode.INVALID_FIELD, f"got {error}") from None
     except (ValueError, RecursionError):
-        raise RequestError(400, ErrorCode.INVALID_FIELD, "got no JSON, expected a stroke") from None
+        raise RequestError(
+            400, ErrorCode.INVALID_FIELD, "got invalid JSON, expected a stroke"
+        ) from None
     strokes = await _changed(service, served, lambda strokes: strokes.with_one(stroke))
     log("stroke painted", scene=served.id, who=painter.name, stroke=stroke.id)
     answer = {"stroke": _row(stroke, painter), "revision": strokes.revision}
     return JSONResponse(answer, status_code=201)
 
 
-@stroke_routes.delete("/scenes/{scene_id}/strokes/{stroke_id}", summary="Take a stroke back")
+@stroke_routes.delete("/scenes/{scene_id}/strokes/{stroke_id}", summary="Delete a stroke")
 async def delete_stroke(
     served: SceneOfRequest, service: ServiceOfRequest, painter: Painter, stroke_id: str
 ) -> Response:
-    """Take back a stroke of one's own."""
+    """Delete a stroke that the same token painted."""
     _count(service, painter)
 
     def without(strokes: Strokes) -> Strokes:
         of_id = next((one for one in strokes.strokes if one.id == stroke_id), None)
         if of_id is None:
-            text = "got the id of no stroke, expected one that GET .../strokes lists"
+            text = "got an unknown stroke, expected one that GET .../strokes lists"
             raise RequestError(404, "unknown_stroke", text)
         if of_id.who != painter.name:
             text = f"got a stroke of {of_id.who}, expected one of your own"
@@ -169,7 +174,7 @@ async def delete_stroke(
 async def get_taught(
     request: Request, served: SceneOfRequest, service: ServiceOfRequest
 ) -> Response:
-    """Return taught.json; 204 where nobody has taught anything yet."""
+    """Return taught.json; 204 where there is none yet."""
     headers = {"Cache-Control": CHECK, "Vary": "Authorization"}
     if served.fetchers is not None:
         return Response(status_code=204, headers=headers)
@@ -185,11 +190,22 @@ async def get_taught(
     return Response(taught.data, media_type=_JSON, headers=headers)
 
 
+async def _body(request: Request) -> bytes:
+    """Return the body of a request; RequestError where it is too long."""
+    data = bytearray()
+    async for piece in request.stream():
+        data += piece
+        if len(data) > _MAX_BODY_BYTES:
+            text = f"got more than {_MAX_BODY_BYTES} bytes, expected one stroke"
+            raise RequestError(413, ErrorCode.TOO_LARGE, text)
+    return bytes(data)
+
+
 async def _changed(service: Service, served: ServedScene, change: Any) -> Strokes:
     try:
         return await service.strokes.change(served.scene.path, change)
     except StrokeError as error:
-        raise RequestError(409, ErrorCode.TOO_MANY, f"got one more, but {error}") from None
+        raise RequestError(409, ErrorCode.TOO_MANY, str(error)) from None
     except (StoreError, OSError) as error:
         raise _unavailable(served, error) from None
 
@@ -206,5 +222,5 @@ def _row(stroke: Stroke, painter: TokenPass) -> dict[str, Any]:
 
 def _unavailable(served: ServedScene, error: Exception) -> RequestError:
     log("strokes not kept", level=logging.ERROR, scene=served.id, reason=str(error))
-    text = "strokes can neither be read nor kept now; try again later"
+    text = "strokes cannot be read or written now; try again later"
     return RequestError(503, "strokes_unavailable", text)

@@ -35,12 +35,12 @@ async def get_tileset(
     service: ServiceOfRequest,
     radius_m: Annotated[float | None, Query(gt=0, le=1e6)] = None,
 ) -> Response:
-    """Return the tileset; with ``radius_m`` full detail is asked for within that of the eye."""
+    """Return the tileset; with ``radius_m``, full detail within that distance of the eye."""
     try:
         tiles = await service.tiles.tiles(served)
     except (PayloadError, StoreError, OSError, ModuleNotFoundError) as error:
         raise _unavailable(served, error) from None
-    # Not for ever: another release of the service may cut the base in another way.
+    # Not immutable: another release of the service may cut the base differently.
     headers = {
         "ETag": f'"{tiles.digest}{"" if radius_m is None else f"-{radius_m!r}"}"',
         "Cache-Control": CHECK,
@@ -60,14 +60,14 @@ async def get_part(
     name: str,
     v: str | None = None,
 ) -> Response:
-    """Return a part of the base by the name that the tileset has for it."""
+    """Return a part of the base by its name in the tileset."""
     headers = caching_headers(f'"{name[:64]}"', v, is_open=service.gate.is_open)
     try:
         data = await service.tiles.part(served, name)
     except (PayloadError, StoreError, OSError, ModuleNotFoundError) as error:
         raise _unavailable(served, error) from None
     if data is None:
-        text = "got a tile that is none of this version's, expected one of its tileset.json"
+        text = "got an unknown tile, expected one of this version's tileset.json"
         raise RequestError(404, "unknown_tile", text)
     if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
@@ -82,7 +82,7 @@ async def get_unlit_segment(
     segment: str,
     v: str | None = None,
 ) -> Response:
-    """Return a segment's payload with ``KHR_materials_unlit``, like the parts of the base."""
+    """Return a segment's payload with unlit materials, like the parts of the base."""
     number = segment_number(segment, len(served.hashes))
     headers = caching_headers(
         f'"{served.hashes[number]:016x}-unlit"', v, is_open=service.gate.is_open
@@ -99,4 +99,5 @@ def _unavailable(served: ServedScene, error: Exception) -> RequestError:
     if isinstance(error, ModuleNotFoundError):
         text = "this service has no 3D Tiles: pip install 'terraport[tiles]' where it runs"
         return RequestError(501, "tiles_unavailable", text)
-    return RequestError(503, "tiles_unavailable", "the tiles cannot be had now; try again later")
+    text = "the tiles are not available now; try again later"
+    return RequestError(503, "tiles_unavailable", text)

@@ -1,4 +1,4 @@
-"""One version of one scene, open, with all that sessions and requests ask of it."""
+"""One open version of one scene, with the data that sessions and requests need."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ from terraport_wire import BLOCK_BYTES, Hit, PullInfo
 __all__ = ["LabelsFile", "ServedScene"]
 
 _FAILURES_PER_MINUTE: Final = 6
-"""Lines about segments of a scene that cannot be read: of a pack that is gone they are all the
-same, and each landing meets some of them."""
+"""Log lines about unreadable segments of a scene: for a lost pack they are all the same."""
 
 
 _SETTLED_S: Final = 1.0
+"""Age from which a folder's time is trusted: younger changes may share one time stamp."""
 
-_Said = tuple[dict[str, str], bytes]
-"""Links, and the line in the list of all."""
+_Description = tuple[dict[str, str], bytes]
+"""Links, and the line in the list of scenes."""
 
 
 @dataclass(frozen=True, slots=True)
 class LabelsFile:
-    """Labels of users by stable id, and the answer to who asks for them."""
+    """Labels of users by stable id, and the response with them."""
 
     labels: Mapping[int, str]
     data: bytes
@@ -55,7 +55,7 @@ class LabelsFile:
 
     @classmethod
     def of(cls, labels: Mapping[int, str]) -> Self:
-        """Write the answer; of as many as there may be it takes long: call it in a thread."""
+        """Encode the response. Slow for many labels: call it in a thread."""
         data = encode_labels(labels)
         return cls(labels, data, f'"{xxhash.xxh3_64_hexdigest(data)}"')
 
@@ -64,11 +64,10 @@ _NO_LABELS: Final = LabelsFile.of({})
 
 
 class ServedScene:
-    """One version of one scene, open.
+    """One open version of one scene.
 
-    Whoever uses it beyond the current step of the event loop holds it: :meth:`hold` and
-    :meth:`release`, on the event loop's thread. It is closed when it is retired and nobody holds
-    it.
+    Code that uses it across an ``await`` holds it: :meth:`hold` and :meth:`release`, on the event
+    loop's thread. It is closed when it is retired and not held.
     """
 
     def __init__(
@@ -84,15 +83,14 @@ class ServedScene:
     ) -> None:
         self.id = scene_id
         self.scene = scene
-        # Threads. Whoever may wait for a network waits in the scene's own.
+        # Reads that may wait for a network have threads of this scene alone.
         self.fetchers: Executor | None = None
-        """Threads that may wait for the scene's storage; None = it lies on this machine."""
+        """Threads that may wait for object storage; None = the scene is on this machine."""
         self.pickers: PickLine[Hit | None] | None = None
         """The line of its picks; None = the service's."""
         if fetch_threads:
             self.fetchers = ThreadPoolExecutor(fetch_threads, thread_name_prefix="fetch")
             self.pickers = PickLine(1)
-        # What sessions ask: payload bytes, names of regions, the tables of the plans.
         self.desk = PayloadDesk(
             scene,
             readers,
@@ -101,15 +99,15 @@ class ServedScene:
             fetchers=self.fetchers,
             ahead_bytes=ahead_bytes,
         )
-        """Its payloads, for all clients."""
+        """Reader of its payloads."""
         self.names = names
-        """Stable ids and labels; replaced as a whole when labels change, so any thread may ask."""
+        """Stable ids and labels; replaced as a whole when labels change, so any thread may read."""
         self.labels_file = _NO_LABELS
-        """What ``labels.json`` answers: written once for all who ask."""
-        self._said: tuple[int, _Said] | None = None
-        """What was last found to say of it, and the stamp of its folder then."""
+        """Response of ``labels.json``, encoded once."""
+        self._description: tuple[int, _Description] | None = None
+        """Cached description, and the folder's time stamp then."""
         self._seen_since = (-1, 0.0)
-        """Stamp of the scene's folder, and when by the monotonic clock it was first seen."""
+        """Time stamp of the folder, and when by the monotonic clock it was first seen."""
         self.manifest_json = scene.manifest.model_dump_json().encode()
         self.version = scene.manifest.version
         index = scene.rows
@@ -132,14 +130,13 @@ class ServedScene:
             within=scene.within,
             pull=None if pull_base is None else _pull_view(scene, pull_base),
         )
-        # As memory, not arrays: one item of an array takes four times as long.
+        # Memoryviews: one item of an array takes four times as long.
         self.hashes = index.xxh3.data
         """xxh3 of each GLB."""
         self.lengths = index.length.data
         """Bytes of each GLB."""
         self._failures: dict[str, SomePerMinute] = {}
-        """By event."""
-        # Life: open while anybody holds it, or nothing has replaced it.
+        """Rate limit of log lines by event."""
         self._holders = 0
         self._retired = False
         self.closed = False
@@ -170,7 +167,7 @@ class ServedScene:
             When a file cannot be read.
         """
         scene = Scene.open(location, source=source)
-        # Built here, once, while no other thread knows the scene; asked on the loop's thread only.
+        # Built here, while no other thread has the scene.
         _ = scene.spatial
         try:
             names = RegionNames.of(scene.regions)
@@ -178,10 +175,10 @@ class ServedScene:
             if is_shortage(error):
                 scene.close()
                 raise
-            # A name never takes the ground away: the scene is served without.
+            # The scene is served without names of regions.
             log("regions not read", level=logging.ERROR, scene=scene_id, reason=str(error))
             names = RegionNames()
-        # The facts are for tools, which read the file; here they would only take memory.
+        # Facts about regions are for tools, which read the file; here they would take memory.
         scene.__dict__.pop("regions", None)
         pull_base = None
         if pull_base_url is not None:
@@ -200,7 +197,7 @@ class ServedScene:
 
     @property
     def pack_path(self) -> str:
-        """Path of the GLB pack within the scene's folder: it names the version."""
+        """Path of the GLB pack within the scene's folder; it contains the version."""
         manifest = self.scene.manifest
         return manifest.files[manifest.encodings["glb"].pack].path
 
@@ -231,9 +228,9 @@ class ServedScene:
         landing: str | None = None,
         level: int = logging.ERROR,
     ) -> None:
-        """Log that a segment, or a file, could not be read, or a pick answered; from any thread.
+        """Log an unreadable segment or file, or a failed pick; from any thread.
 
-        A few times a minute, and then how many more there were.
+        A few times a minute; the next line has the number of those left out.
         """
         some = self._failures.setdefault(event, SomePerMinute(_FAILURES_PER_MINUTE))
         left_out = some.left_out(time.monotonic())
@@ -249,28 +246,27 @@ class ServedScene:
                 lines_left_out=left_out or None,
             )
 
-    def while_folder_rests(self, find: Callable[[], _Said]) -> _Said:
-        """Return what *find* finds; what it found before where nothing came to the folder or went.
+    def cached_description(self, find: Callable[[], _Description]) -> _Description:
+        """Return the result of *find*, cached while the scene's folder does not change.
 
-        A scene in object storage has none that could be looked at.
+        A scene in object storage has no folder: its description never changes.
         """
         stamp = 0
         if self.fetchers is None:
             with contextlib.suppress(OSError):
                 stamp = self.scene.path.stat().st_mtime_ns
-        if self._said is not None and self._said[0] == stamp:
-            return self._said[1]
-        said = find()
-        # What changed a moment ago may change again within what the files' clock tells apart.
+        if self._description is not None and self._description[0] == stamp:
+            return self._description[1]
+        found = find()
         now_s = time.monotonic()
         if self._seen_since[0] != stamp:
             self._seen_since = stamp, now_s
         elif now_s - self._seen_since[1] > _SETTLED_S:
-            self._said = stamp, said
-        return said
+            self._description = stamp, found
+        return found
 
     def use_labels(self, kept: LabelsFile) -> None:
-        """Take these labels in place of those before."""
+        """Replace the labels."""
         self.labels_file = kept
         self.names = self.names.with_labels(kept.labels)
 
@@ -279,12 +275,12 @@ class ServedScene:
         self._holders += 1
 
     def release(self) -> None:
-        """End one :meth:`hold`; the last one closes a scene that was retired."""
+        """End one :meth:`hold`; the last one closes a retired scene."""
         self._holders -= 1
         self._close_if_idle()
 
     def retire(self) -> None:
-        """Serve no new session; close as soon as nobody holds the scene."""
+        """Take no new session; close as soon as the scene is not held."""
         self._retired = True
         self._close_if_idle()
 
@@ -298,7 +294,7 @@ class ServedScene:
 
 
 def _pull_view(scene: Scene, base: str) -> PullView | None:
-    """Return where clients fetch a scene's payloads; None where the wire has no number for it."""
+    """Return where clients fetch a scene's payloads; None where offsets exceed the wire format."""
     manifest = scene.manifest
     pack = manifest.files[manifest.encodings["glb"].pack]
     offsets = scene.rows.offset
