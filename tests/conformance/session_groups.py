@@ -67,7 +67,7 @@ class GroupHall:
 
     def hand_out(self, server: Session | None) -> None:
         """Tell the client's session what the groups have to say to it."""
-        for key, message in self.groups.take_posts():
+        for key, message in self.groups.take_messages():
             if server is not None and key is self._door:
                 server.tell_group(message)
 

@@ -91,7 +91,7 @@ def settle(*clients: Client) -> None:
         for client in clients:
             client.speak()
         clients[0].groups.tick(10.0)
-        for key, message in clients[0].groups.take_posts():
+        for key, message in clients[0].groups.take_messages():
             for client in clients:
                 if key == (client.key, client.connections):
                     client.hear(message)

@@ -53,7 +53,7 @@ class Hall:
     def hear(self) -> dict[str, list[Message]]:
         """Everything told since the last call."""
         messages: dict[str, list[Message]] = {}
-        for key, message in self.groups.take_posts():
+        for key, message in self.groups.take_messages():
             messages.setdefault(str(key), []).append(message)
         return messages
 
@@ -338,7 +338,7 @@ class AnyHistory(RuleBasedStateMachine):
         self.opened: set[tuple[str, int]] = set()
 
     def listen(self) -> None:
-        for key, message in self.hall.groups.take_posts():
+        for key, message in self.hall.groups.take_messages():
             assert isinstance(key, int)
             if isinstance(message, Joined):
                 self.membership = {

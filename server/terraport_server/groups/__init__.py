@@ -1,1 +1,1 @@
-"""Groups of clients that land together."""
+"""Groups: clients that land together."""

@@ -1,11 +1,11 @@
-"""Groups: who goes together, where to, and who has arrived.
+"""State machine of groups: members, group landings, and arrivals.
 
-PURE: no I/O, no clock, no randomness; times are seconds on any one monotonic clock of the
-caller's. Section numbers in comments are those of spec/wire-protocol.md.
+PURE: no I/O, no clock, no randomness; times are seconds on one monotonic clock of the caller.
+Section numbers in comments are those of spec/wire-protocol.md.
 
-The caller names each connection by a key of its own, feeds :meth:`Groups.join` and the others, and
-then hands out what :meth:`Groups.take_posts` returns. Nothing here waits for anybody: a member that
-says nothing is left behind by time alone (:meth:`Groups.tick`).
+The caller identifies each connection by a key, calls :meth:`Groups.join` and the other methods, and
+then delivers the messages that :meth:`Groups.take_messages` returns. Timeouts are handled by
+:meth:`Groups.tick`.
 """
 
 from __future__ import annotations
@@ -30,12 +30,11 @@ from terraport_wire import (
 __all__ = ["Groups"]
 
 _NEWS_PERIOD_S: Final = 0.25
-"""Between two rosters of a group, and between two gatherings: a member that joins and leaves, or a
-guide that gathers, as fast as it may costs each of the others four messages a second."""
+"""Minimum seconds between two rosters and between two gatherings of a group: members that join and
+leave repeatedly cause at most four messages per second to each other member."""
 
-_PLACES_PERIOD_S: Final = 1.0
-"""From a roster to one that tells of landings alone (16.4): what each of n members may cause is a
-roster of n rows to n members."""
+_POSITIONS_PERIOD_S: Final = 1.0
+"""Minimum seconds to a roster in which only positions changed (16.4)."""
 
 
 class Groups:
@@ -44,23 +43,23 @@ class Groups:
     Parameters
     ----------
     limits
-        Bounds.
+        Limits.
     """
 
     def __init__(self, limits: GroupLimits) -> None:
         self._limits = limits
         self._groups: dict[tuple[str, str], Group] = {}
         self._memberships: dict[Hashable, tuple[tuple[str, str], int]] = {}
-        """Group and number by connection."""
-        self._posts: list[tuple[Hashable, Message]] = []
+        """Group id and seat number by connection."""
+        self._messages: list[tuple[Hashable, Message]] = []
         self._names: frozenset[str] | None = frozenset()
         self._due_s: dict[tuple[str, str], float] = {}
-        """When each group has something to do; of those that have. Kept, as what one member says
-        must not cost a look at the seats of all groups."""
+        """Time of the next timer of each group that has one, so that a message of one member does
+        not require a loop over the seats of all groups."""
 
     @property
     def group_count(self) -> int:
-        """Groups that exist."""
+        """Number of groups."""
         return len(self._groups)
 
     @property
@@ -72,16 +71,16 @@ class Groups:
 
     @property
     def member_count(self) -> int:
-        """Seats of all groups, kept ones included."""
+        """Number of seats of all groups, including those of lost connections."""
         return sum(len(group.seats) for group in self._groups.values())
 
-    def take_posts(self) -> list[tuple[Hashable, Message]]:
-        """Return, once, whom to tell what, in order."""
-        posts, self._posts = self._posts, []
-        return posts
+    def take_messages(self) -> list[tuple[Hashable, Message]]:
+        """Return, once, the messages to deliver, each with the key of its connection."""
+        messages, self._messages = self._messages, []
+        return messages
 
     def wake_at_s(self) -> float | None:
-        """When :meth:`tick` has something to do at the latest; None = never."""
+        """Return the time at which :meth:`tick` must be called; None: never."""
         return min(self._due_s.values(), default=None)
 
     def join(
@@ -96,37 +95,36 @@ class Groups:
         owner: Hashable = None,
         place: Place | None = None,
     ) -> str | None:
-        """Take a seat, a new one or the one held before (16.1); return why not.
+        """Take a new seat, or again a kept one (16.1); return the reason of a refusal.
 
-        Where there is no room, what is kept for lost connections gives way.
+        At a limit, groups and seats kept for lost connections are removed first.
 
         Parameters
         ----------
         key
-            The connection.
+            Key of the connection.
         scene_id
-            Scene of its session: groups of different scenes are different groups.
+            Scene of the session; a group belongs to one scene.
         join
-            What is asked for.
+            The request.
         now_s
-            Time now.
+            Current time.
         new_secret
-            Of a new seat; at least 128 random bits.
+            Secret of a new seat; at least 128 random bits.
         may_guide
-            Whether this client may take the guide's seat.
+            Whether the client may be the guide.
         owner
-            Address and token of the client: whose groups and lost seats are counted together.
+            Address and token of the client; its groups and lost seats are counted together.
         place
-            Where this connection landed last, in metres of the scene frame; None before its first
-            landing: then a seat that is taken again stays where it was.
+            Centre of the connection's newest landing, in metres of the scene frame; None before
+            its first landing: a kept seat then keeps its position.
 
         Notes
         -----
         Invariant: a connection has one seat at most, a seat one connection at most, and
         ``_memberships`` is the inverse of the seats' keys.
         """
-        # A secret of this group leads back to its seat; else a new seat must be free. Nothing is
-        # changed before a refusal.
+        # Find the seat of the secret, else check that a new one is allowed.
         group_id = (scene_id, join.group)
         group = self._groups.get(group_id)
         seat = None if group is None else group.seat_of(join.seat)
@@ -137,7 +135,7 @@ class Groups:
                     return refusal
                 self._make_room(key, group_id, owner, now_s)
             self.leave(key, now_s)
-        # Seat and connection belong to one another from here on.
+        # Assign the seat to the connection.
         if group_id not in self._groups:
             self._groups[group_id] = Group(group_id, owner)
             self._names = None
@@ -147,13 +145,13 @@ class Groups:
             seat = Seat(group.newest, new_secret, join.name, join.role, key, owner)
             group.seats[seat.number] = seat
         elif seat.key is not None and seat.key != key:
-            del self._memberships[seat.key]  # the old connection only looks alive
+            del self._memberships[seat.key]  # the old connection is dead, but not closed yet
         seat.key = key
         if place is not None:
             seat.place = place
         self._memberships[key] = (group_id, seat.number)
-        # The member first hears its own number, then who else is there, then where they go.
-        self._posts.append(
+        # Order: joined, roster, gathering.
+        self._messages.append(
             (
                 key,
                 Joined(
@@ -167,28 +165,28 @@ class Groups:
         )
         self._changed(group, now_s)
         if group.barrier is not None:
-            self._posts.append((key, group.barrier.gathering(now_s)))
-        self._note_due(group)
+            self._messages.append((key, group.barrier.gathering(now_s)))
+        self._update_timer(group)
         return None
 
     def leave(self, key: Hashable, now_s: float) -> None:
-        """Give up a seat; nothing where there is none."""
+        """Leave the group, if the connection is in one."""
         membership = self._find(key)
         if membership is not None:
             self._remove(*membership, now_s)
 
     def lost(self, key: Hashable, now_s: float) -> None:
-        """Note that a connection is gone; its seat is kept for a while."""
+        """Record a lost connection; its seat is kept for ``group_absence_s``."""
         membership = self._find(key)
         if membership is not None:
             group, seat = membership
             del self._memberships[key]
             seat.key, seat.lost_s = None, now_s
             self._changed(group, now_s)
-            self._note_due(group)
+            self._update_timer(group)
 
     def gather(self, key: Hashable, gather: Gather, now_s: float) -> str | None:
-        """Land the group (16.2); return why not."""
+        """Start a group landing (16.2); return the reason of a refusal."""
         membership = self._find(key)
         if membership is None:
             return "got gather without a seat in a group, expected join first"
@@ -199,14 +197,14 @@ class Groups:
         wait_s = most_s if gather.deadline_ms is None else min(most_s, gather.deadline_ms / 1000.0)
         number = 1 if group.barrier is None else group.barrier.number + 1
         group.barrier = Barrier(number, seat.number, gather, now_s + wait_s)
-        group.gathering_due_s = max(now_s, group.gathering_told_s + _NEWS_PERIOD_S)
+        group.gathering_due_s = max(now_s, group.gathering_sent_s + _NEWS_PERIOD_S)
         if group.gathering_due_s <= now_s:
-            self._tell_gathering(group, now_s)
-        self._note_due(group)
+            self._send_gathering(group, now_s)
+        self._update_timer(group)
         return None
 
     def arrived(self, key: Hashable, number: int, state: str) -> None:
-        """Note what a member says of a group landing; one that is over is ignored (16.2)."""
+        """Record a member's state in a group landing; ignored once that is over (16.2)."""
         membership = self._find(key)
         if membership is None:
             return
@@ -214,20 +212,20 @@ class Groups:
         barrier = group.barrier
         if barrier is not None and barrier.number == number and not barrier.is_open:
             barrier.states[seat.number] = state
-            self._open_if_all_are_there(group)
+            self._open_if_complete(group)
 
     def landed(self, key: Hashable, place: Place, now_s: float) -> None:
-        """Note where a member stands; the others hear of it before long (16.1, 16.4)."""
+        """Record a member's position and send it to the others within a second (16.1, 16.4)."""
         membership = self._find(key)
         if membership is None or membership[1].place == place:
             return
         group, seat = membership
         seat.place = place
-        self._changed(group, now_s, period_s=_PLACES_PERIOD_S)
-        self._note_due(group)
+        self._changed(group, now_s, period_s=_POSITIONS_PERIOD_S)
+        self._update_timer(group)
 
     def tick(self, now_s: float) -> None:
-        """Act on what time alone decides: seats lost for too long, deadlines, rosters."""
+        """Handle timers: lost seats, deadlines, rosters."""
         for group in [self._groups[key] for key, due_s in self._due_s.items() if due_s <= now_s]:
             for seat in list(group.seats.values()):
                 if seat.key is None and now_s >= seat.lost_s + self._limits.group_absence_s:
@@ -235,13 +233,13 @@ class Groups:
             barrier = group.barrier
             is_late = barrier is not None and now_s >= barrier.deadline_s
             if group.gathering_due_s is not None and (is_late or now_s >= group.gathering_due_s):
-                self._tell_gathering(group, now_s)
-                self._open_if_all_are_there(group)
+                self._send_gathering(group, now_s)
+                self._open_if_complete(group)
             if barrier is not None and is_late and not barrier.is_open:
                 self._open(group, barrier)
             if group.roster_due_s is not None and now_s >= group.roster_due_s:
-                self._tell_roster(group, now_s)
-            self._note_due(group)
+                self._send_roster(group, now_s)
+            self._update_timer(group)
 
     def _refusal(
         self,
@@ -252,10 +250,9 @@ class Groups:
         *,
         may_guide: bool,
     ) -> str | None:
-        """Return why a new seat cannot be had.
+        """Return the reason why a new seat is refused.
 
-        The seat that this key holds now would be left, and what is kept for lost connections would
-        give way: see `_make_room`.
+        The seat of this key is not counted, nor are seats that `_make_room` can remove.
         """
         limits, group = self._limits, self._groups.get(group_id)
         own = self._find(key)
@@ -278,7 +275,7 @@ class Groups:
         return None
 
     def _staying_groups(self, key: Hashable) -> list[Group]:
-        """Return the groups that are left when this connection has left its own, oldest first."""
+        """Return the groups without one that this connection alone is in, oldest first."""
         own = self._find(key)
         left = own[0] if own is not None and len(own[0].seats) == 1 else None
         return [group for group in self._groups.values() if group is not left]
@@ -286,10 +283,10 @@ class Groups:
     def _make_room(
         self, key: Hashable, group_id: tuple[str, str], owner: Hashable, now_s: float
     ) -> None:
-        """Let what is kept for lost connections give way where a new seat needs the room.
+        """Remove a group or seat kept for lost connections if a new seat needs the room.
 
-        First what belongs to whom most of it belongs to, the oldest of that: who comes and goes
-        takes his own places.
+        The oldest one of the owner that has most of them, so that a client which connects
+        repeatedly loses its own.
         """
         limits, group = self._limits, self._groups.get(group_id)
         if group is None:
@@ -330,24 +327,24 @@ class Groups:
         if not group.seats:
             del self._groups[group.id]
             self._names = None
-            self._note_due(group)
+            self._update_timer(group)
             return
         if group.barrier is not None:
             group.barrier.states.pop(seat.number, None)
         self._changed(group, now_s)
-        self._open_if_all_are_there(group)
-        self._note_due(group)
+        self._open_if_complete(group)
+        self._update_timer(group)
 
-    def _open_if_all_are_there(self, group: Group) -> None:
-        """Open the barrier where everybody is ready or will not come (16.3)."""
+    def _open_if_complete(self, group: Group) -> None:
+        """End a group landing if all members are ready or declined (16.3)."""
         barrier = group.barrier
         if group.gathering_due_s is not None:
-            return  # nobody hears that it is over before that it began
+            return  # gathering must be sent before gathered
         if barrier is not None and not barrier.is_open:
             states = [barrier.states.get(number) for number in group.seats]
             if all(state in {"ready", "declined"} for state in states):
                 self._open(group, barrier)
-                self._note_due(group)
+                self._update_timer(group)
 
     def _open(self, group: Group, barrier: Barrier) -> None:
         barrier.is_open = True
@@ -361,35 +358,35 @@ class Groups:
             degraded=_ids(by_state["degraded"]),
             missing=_ids(by_state["missing"]),
         )
-        self._tell(group, message)
+        self._send(group, message)
 
     def _changed(self, group: Group, now_s: float, *, period_s: float = _NEWS_PERIOD_S) -> None:
-        """Tell all of a change, at once or as soon as the period allows."""
-        due_s = max(now_s, group.roster_told_s + period_s)
+        """Send a roster, now or when the period allows."""
+        due_s = max(now_s, group.roster_sent_s + period_s)
         if due_s <= now_s:
-            self._tell_roster(group, now_s)
+            self._send_roster(group, now_s)
         elif group.roster_due_s is None or due_s < group.roster_due_s:
             group.roster_due_s = due_s
 
-    def _tell_gathering(self, group: Group, now_s: float) -> None:
+    def _send_gathering(self, group: Group, now_s: float) -> None:
         assert group.barrier is not None
-        group.gathering_due_s, group.gathering_told_s = None, now_s
-        self._tell(group, group.barrier.gathering(now_s))
+        group.gathering_due_s, group.gathering_sent_s = None, now_s
+        self._send(group, group.barrier.gathering(now_s))
 
-    def _tell_roster(self, group: Group, now_s: float) -> None:
-        group.roster_due_s, group.roster_told_s = None, now_s
-        self._tell(group, group.roster())
+    def _send_roster(self, group: Group, now_s: float) -> None:
+        group.roster_due_s, group.roster_sent_s = None, now_s
+        self._send(group, group.roster())
 
-    def _note_due(self, group: Group) -> None:
-        """Look at when a group has something to do, after whatever changed it."""
+    def _update_timer(self, group: Group) -> None:
+        """Update the next timer of a group."""
         due_s = group.due_s(self._limits.group_absence_s)
         if due_s is None:
             self._due_s.pop(group.id, None)
         else:
             self._due_s[group.id] = due_s
 
-    def _tell(self, group: Group, message: Message) -> None:
-        self._posts += [
+    def _send(self, group: Group, message: Message) -> None:
+        self._messages += [
             (seat.key, message) for seat in group.seats.values() if seat.key is not None
         ]
 

@@ -81,7 +81,7 @@ class GroupDesk:
 
     def hand_out(self) -> None:
         """Deliver what the groups have to say, and see to it that time is looked at."""
-        for door, message in self.groups.take_posts():
+        for door, message in self.groups.take_messages():
             assert isinstance(door, GroupDoor)  # the keys that doors pass are themselves
             door.deliver(message)
         if self.changed is not None and (names := self.groups.names) is not self._names:
