@@ -22,13 +22,13 @@ import uvicorn
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from server.grid_scene import write_grid_scene
+from terraport_server.http_connection import http_protocol_class
 
 from terraport_server import Settings
 from terraport_server.app import create_app
 from terraport_server.auth.gate import Gate, TokenPass
 from terraport_server.auth.keys import KeyRing, TokenKey, new_key
 from terraport_server.auth.tokens import StaticToken, make_token
-from terraport_server.http_connection import http_protocol_class
 
 STATIC = 100
 SESSIONS = 2000

@@ -65,7 +65,6 @@ def create_app(settings: Settings) -> FastAPI:
         try:
             yield
         finally:
-            await service.drain()
             await service.stop()
 
     app = _Application(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 from pathlib import Path
 from types import TracebackType
@@ -10,9 +11,8 @@ from urllib.parse import quote
 
 from terraport_server.errors import ServerError
 from terraport_server.http.viewer import has_viewer
-from terraport_server.listeners import Listeners, host_in_url
 from terraport_server.service import Service
-from terraport_server.serving import make_server
+from terraport_server.serving import host_in_url, listen, make_server
 from terraport_server.settings import Settings
 from terraport_store import is_url
 
@@ -33,9 +33,9 @@ class BackgroundServer:
     ----------
     scenes_dir
         A folder of scenes, or one scene; or the address of such in object storage, as a str.
-    listeners
-        Where it listens, of one slot, opened before; closed at the end. By default on `host` and
-        `port`.
+    sockets
+        Where it listens, from :func:`terraport_server.serving.listen`; closed at the end. By
+        default on `host` and `port`.
     **overrides
         Any other fields of :class:`Settings`.
 
@@ -48,7 +48,11 @@ class BackgroundServer:
     """
 
     def __init__(
-        self, scenes_dir: Path | str, *, listeners: Listeners | None = None, **overrides: Any
+        self,
+        scenes_dir: Path | str,
+        *,
+        sockets: list[socket.socket] | None = None,
+        **overrides: Any,
     ) -> None:
         overrides.setdefault("host", "127.0.0.1")
         overrides.setdefault("port", 0)
@@ -59,19 +63,19 @@ class BackgroundServer:
             overrides["scenes_dir"] = Path(scenes_dir)
         settings = Settings(**overrides)
         self._server = make_server(settings)
-        self._listeners = listeners or Listeners(settings.host, settings.port, 1)
+        app = self._server.config.app
+        assert isinstance(app, FastAPI)
+        self._service: Service = app.state.service
+        self._sockets = sockets or listen(settings.host, settings.port)
+        self.port: int = self._sockets[0].getsockname()[1]
+        """The port that it listens on."""
         self._thread = threading.Thread(target=self._run, name="terraport-server", daemon=True)
         self._failure: BaseException | None = None
 
     @property
     def service(self) -> Service:
         """The running service. It lives on its own thread's event loop: look, do not call."""
-        return self._server.service
-
-    @property
-    def port(self) -> int:
-        """The port that it listens on."""
-        return self._listeners.port
+        return self._service
 
     @property
     def url(self) -> str:
@@ -112,7 +116,8 @@ class BackgroundServer:
         self._server.should_exit = True
         if self._thread.is_alive():
             self._thread.join()
-        self._listeners.close()
+        for one in self._sockets:
+            one.close()
 
     def __enter__(self) -> Self:
         self.start()
@@ -128,6 +133,6 @@ class BackgroundServer:
 
     def _run(self) -> None:
         try:
-            self._server.run(sockets=self._listeners.of(0))
+            self._server.run(self._sockets)
         except BaseException as error:  # noqa: BLE001 - handed to the thread that asked
             self._failure = error

@@ -34,7 +34,7 @@ _HELP = """Serve scenes to VR clients: landings over WebSocket, files over HTTP.
 
 Every client lands with land(position, radius) and receives what it does not hold yet. New versions
 of a scene are picked up while running. SIGTERM or Ctrl-C lets open landings finish first. With
---workers, SIGHUP restarts the processes one by one, and no client loses its landing.
+--workers, SIGHUP replaces the processes one by one.
 
 Try it:
 
@@ -49,6 +49,12 @@ Try it:
 Every option and many more can be set in the environment as TERRAPORT_NAME, e.g. TERRAPORT_TOKEN,
 TERRAPORT_MAX_RADIUS_M; docs/topics/limits.md lists them. An option given here wins over it.
 """
+
+
+_WITHOUT_PROXY: Final = """\
+  Without a proxy in front, nothing limits idle connections, slow requests, the size of headers,
+  or connections per address: on an open network put Caddy or the like before it
+  (docs/how-to/deploy.md)."""
 
 
 def serve(
@@ -77,11 +83,12 @@ def serve(
         list[str] | None,
         typer.Option(help="Origin of web pages that may connect; repeatable; '*' = all."),
     ] = None,
-    tls_certificate: Annotated[Path | None, typer.Option(help="PEM file, for https.")] = None,
-    tls_key: Annotated[Path | None, typer.Option(help="PEM file, for https.")] = None,
+    ssl_certfile: Annotated[
+        Path | None, typer.Option(help="PEM file of the certificate, for https.")
+    ] = None,
+    ssl_keyfile: Annotated[Path | None, typer.Option(help="PEM file of its key.")] = None,
     workers: Annotated[
-        int | None,
-        typer.Option(help="Processes behind the port; 0 = one per core. [default: 1]"),
+        int | None, typer.Option(help="Processes behind the port. [default: 1]")
     ] = None,
     max_radius: Annotated[
         float | None, typer.Option(help="Largest landing radius, metres. [default: 500]")
@@ -120,8 +127,8 @@ def serve(
         "token_keys_file": token_keys,
         "allow_open": allow_open,
         "allowed_origins": tuple(allow_origin) if allow_origin else None,
-        "tls_certificate": tls_certificate,
-        "tls_key": tls_key,
+        "ssl_certfile": ssl_certfile,
+        "ssl_keyfile": ssl_keyfile,
         "workers": workers,
         "max_radius_m": max_radius,
         "max_sessions": max_sessions,
@@ -139,7 +146,7 @@ def serve(
         def announce(port: int) -> None:
             _announce(settings.model_copy(update={"port": port}))
 
-        run(settings, lambda: read_settings(options), announce)
+        run(settings, options, announce)
     except SettingsError as error:
         names = {name: _OPTIONS.get(name, f"--{name.replace('_', '-')}") for name in given}
         typer.echo(f"error: {typed_name(error.setting, names, options)}: {error.what}", err=True)
@@ -156,15 +163,18 @@ def register(app: typer.Typer) -> None:
 
 def _announce(settings: Settings) -> None:
     """Print where, what and for whom: the port is had, and the log has not begun."""
+    from terraport_server.settings import is_loopback
     from terraport_store import StoreError, list_scenes, read_manifest
 
-    scheme = "https" if settings.tls_certificate else "http"
+    scheme = "https" if settings.ssl_certfile else "http"
     address = _address(settings, scheme)
     access = "open to everyone who can connect" if settings.is_open else "with a token"
     location = settings.scenes_url or settings.scenes_dir
     if _is_every_address(settings.host):
         access = f"all addresses of this machine; {access}"
     typer.echo(f"terraport serves {location} at {address} ({access})")
+    if not is_loopback(settings.host):
+        typer.echo(_WITHOUT_PROXY)
     typer.echo(f"  viewer: {_viewer_line(settings, scheme)}")
     if settings.scenes_url is not None:
         typer.echo("  the log names each scene as it is opened")
@@ -190,7 +200,7 @@ def _announce(settings: Settings) -> None:
 def _address(settings: Settings, scheme: str) -> str:
     """Return an address that can be opened on this machine: no wildcard, IPv6 in brackets."""
     # An address that stands for all of them is none that a browser could be pointed at.
-    from terraport_server.listeners import host_in_url
+    from terraport_server.serving import host_in_url
 
     host = "localhost" if _is_every_address(settings.host) else settings.host
     return f"{scheme}://{host_in_url(host)}:{settings.port}"

@@ -1,18 +1,23 @@
-"""Limit of file descriptors: enough for the allowed connections, and a reserve.
+"""File descriptors of the process: raise their limit, and keep some from connections.
 
-A connection takes one descriptor; many systems start a process with a limit of 1,024. Without this
-module, a process could run out of descriptors long before it has ``max_connections`` connections.
+Without a reserve a process that has run out of descriptors could not refuse connections, watch
+scenes, or read files.
 """
 
 from __future__ import annotations
 
+import contextlib
 import errno
-import logging
+import os
 from typing import Final
 
-from terraport_server.logging import log
-
-__all__ = ["NO_DESCRIPTOR", "first_reserved", "is_shortage", "make_room", "most_packs"]
+__all__ = [
+    "NO_DESCRIPTOR",
+    "has_free_descriptors",
+    "is_shortage",
+    "most_packs",
+    "raise_limit",
+]
 
 NO_DESCRIPTOR: Final = (
     "got a connection while all file descriptors of the service are in use, expected a free one; "
@@ -20,50 +25,35 @@ NO_DESCRIPTOR: Final = (
 )
 """Error text for the client of a refused connection."""
 
-_OTHERS: Final = 256
-"""A few packs, threads' pipes, log, listening sockets."""
-_PACKS: Final = 16_384
-"""Of scenes in a folder, where the system lets a process have so many."""
 _RESERVED: Final = 64
-"""Descriptors reserved from connections, or a quarter of all if that is less: for refusing further
-connections, watching scenes, and reading files."""
+"""Descriptors reserved from connections, or a quarter of all if that is less."""
 
 
-def make_room(max_connections: int) -> None:
-    """Raise this process's limit of open files as far as it may be raised and could be needed.
-
-    Logs where that is less than *max_connections* want. Does nothing where the system has no such
-    limit.
-    """
+def raise_limit() -> None:
+    """Raise this process's soft limit of open files to the hard one."""
     try:
         import resource  # Unix has it
     except ImportError:
         return
-    wanted = max_connections + _OTHERS
-    most = wanted + _PACKS
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if soft == resource.RLIM_INFINITY or soft >= most:
-        return
-    granted = most if hard == resource.RLIM_INFINITY else min(most, hard)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (granted, hard))
-    if granted < wanted:
-        log(
-            "few descriptors",
-            level=logging.WARNING,
-            allowed=granted,
-            wanted=wanted,
-            reason="raise the limit of open files, or lower max_connections",
-        )
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with contextlib.suppress(ValueError):  # macOS takes no unlimited soft limit
+        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
 
 
-def first_reserved() -> int | None:
-    """Return the lowest descriptor number that no connection may keep; None = unlimited.
+def has_free_descriptors() -> bool:
+    """Return whether a new connection leaves the reserve free.
 
-    The system always assigns the lowest free number, so a connection with a higher number means
-    that nearly all are in use.
+    The system always assigns the lowest free number, so a high one means that nearly all are used.
     """
     most = _most_descriptors()
-    return None if most is None else most - min(_RESERVED, most // 4)
+    if most is None:
+        return True
+    try:
+        number = os.open(os.devnull, os.O_RDONLY)
+    except OSError:
+        return False
+    os.close(number)
+    return number < most - min(_RESERVED, most // 4)
 
 
 def is_shortage(error: BaseException) -> bool:
@@ -72,16 +62,12 @@ def is_shortage(error: BaseException) -> bool:
 
 
 def most_packs() -> int | None:
-    """Return how many packs may be open: half of what the process may; None = without bound.
-
-    With more, no connection could be accepted any more.
-    """
+    """Return how many packs may be open: half of the descriptors; None = unlimited."""
     most = _most_descriptors()
     return None if most is None else most // 2
 
 
 def _most_descriptors() -> int | None:
-    """Return how many descriptors this process may have; None = unlimited."""
     try:
         import resource  # Unix has it
     except ImportError:

@@ -1,15 +1,21 @@
-"""What the service counts, for Prometheus. All names begin with ``terraport_``.
+"""Metrics of the service for Prometheus. All names begin with ``terraport_``.
 
 docs/topics/metrics.md lists every one; a test compares. Labels are bounded: each takes its values
 from a fixed set, but ``scene``, of which the first ``MAX_SCENE_LABELS`` have a name of their own.
+
+With several workers prometheus_client adds up their values through files in
+``PROMETHEUS_MULTIPROC_DIR``, which :func:`terraport_server.serving.run` sets before this is
+imported.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from time import monotonic
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from prometheus_client import (
     CollectorRegistry,
@@ -19,8 +25,14 @@ from prometheus_client import (
     ProcessCollector,
     generate_latest,
 )
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.multiprocess import MultiProcessCollector, mark_process_dead
+from prometheus_client.registry import Collector
 
-__all__ = ["CONTENT_TYPE", "MAX_SCENE_LABELS", "Metrics"]
+if TYPE_CHECKING:
+    from terraport_store.object_files import ObjectStorage
+
+__all__ = ["CONTENT_TYPE", "MAX_SCENE_LABELS", "Metrics", "ObjectMetrics"]
 
 CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 
@@ -115,7 +127,6 @@ class Metrics:
             "http_requests", "HTTP requests answered, by class of status", ["status"]
         )
         self._http = {name: self.http_requests.labels(name) for name in _STATUS_CLASSES}
-        self.draining = self._gauge("draining", "1 while the service goes away")
         self.loop_lag_s = self._histogram(
             "event_loop_lag_seconds", "How late a timer of the event loop fires"
         )
@@ -136,8 +147,17 @@ class Metrics:
             counter.inc()
 
     def render(self) -> bytes:
-        """Return all values in Prometheus' text format."""
-        return generate_latest(self.registry)
+        """Return all values in Prometheus' text format, of all workers where there are several."""
+        folder = os.environ.get("PROMETHEUS_MULTIPROC_DIR")
+        if folder is None:
+            return generate_latest(self.registry)
+        for path in Path(folder).glob("gauge_live*.db"):
+            pid = path.stem.rpartition("_")[2]
+            if not _is_running(int(pid)):
+                mark_process_dead(pid)  # type: ignore[no-untyped-call]
+        merged = CollectorRegistry()
+        MultiProcessCollector(merged)  # type: ignore[no-untyped-call]
+        return generate_latest(merged)
 
     async def watch_loop(self) -> None:
         """Measure the event loop's lag until cancelled."""
@@ -150,7 +170,69 @@ class Metrics:
         return Counter(f"terraport_{name}", meaning, labels, registry=self.registry)
 
     def _gauge(self, name: str, meaning: str, labels: Sequence[str] = ()) -> Gauge:
-        return Gauge(f"terraport_{name}", meaning, labels, registry=self.registry)
+        return Gauge(
+            f"terraport_{name}",
+            meaning,
+            labels,
+            registry=self.registry,
+            multiprocess_mode="livesum",
+        )
 
     def _histogram(self, name: str, meaning: str) -> Histogram:
         return Histogram(f"terraport_{name}", meaning, registry=self.registry, buckets=_SECONDS)
+
+
+_OBJECT_COUNTERS: Final = {
+    "requests": "Requests to object storage, repeated ones included",
+    "retries": "Requests that were repeated",
+    "failures": "Reads that were given up",
+    "bytes": "Bytes received from object storage",
+    "wrong": "Payloads that failed their hash, from storage or cache",
+    "uncached": "Payloads that the cache on disk did not take",
+}
+"""Name, as in ObjectCounts, and meaning."""
+
+
+class ObjectMetrics(Collector):
+    """Metrics of object storage; registers itself.
+
+    Parameters
+    ----------
+    storage
+        Whose counts are shown.
+    registry
+        Where they are shown.
+    """
+
+    def __init__(self, storage: ObjectStorage, registry: CollectorRegistry) -> None:
+        self._storage = storage
+        registry.register(self)
+
+    def collect(self) -> Iterator[Metric]:
+        """Yield every metric with its value now."""
+        counts = self._storage.counts
+        for name, meaning in _OBJECT_COUNTERS.items():
+            yield CounterMetricFamily(
+                f"terraport_object_{name}", meaning, value=getattr(counts, name)
+            )
+        payloads = CounterMetricFamily(
+            "terraport_object_payloads",
+            "Payloads brought to hand, by where they came from",
+            labels=["origin"],
+        )
+        payloads.add_metric(["storage"], counts.payloads_fetched)
+        payloads.add_metric(["disk"], counts.payloads_from_disk)
+        yield payloads
+        yield GaugeMetricFamily(
+            "terraport_object_memory_bytes",
+            "Payloads kept in memory because the disk takes none",
+            value=self._storage.shelf.memory_bytes,
+        )
+
+
+def _is_running(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True

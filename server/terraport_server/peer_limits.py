@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Callable
 from typing import Any, Final, cast
 
 from uvicorn._types import ASGIReceiveEvent, ASGISendEvent
@@ -24,8 +25,6 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from websockets.frames import Frame
 from websockets.protocol import State
 
-from terraport_server.client_addresses import too_many_of_address
-from terraport_server.entrance import Entrance
 from terraport_server.frame_cutter import FrameCutter
 from terraport_server.session.rate_limit import RateLimit
 from terraport_server.stream.client_turns import ClientTurns
@@ -93,7 +92,10 @@ class BoundedPeer(WebSocketsSansIOProtocol):
     turns: ClientTurns
     """Of all clients of the event loop."""
 
-    _entrance: Entrance | None = None
+    _entrance: Any = None
+    on_shutdown: Callable[[], None] | None = None
+    """Called where the server ends: the session takes no new landing, and closes by itself."""
+
     _counted: str | None = None
     _most_of_address = 0
     _frame_rate: RateLimit | None = None
@@ -120,36 +122,12 @@ class BoundedPeer(WebSocketsSansIOProtocol):
         self.writable = cast("asyncio.Event", Signal(is_set=True))
         self.logger = self.conn.logger = _FAULTS
 
-    def count_by(self, entrance: Entrance, key: str | None, most: int) -> None:
-        """Go on counting until the connection is gone.
-
-        Parameters
-        ----------
-        entrance
-            Counts the connections of each address, and has its strangers take turns.
-        key
-            What this one is counted under already; None for a proxy, which speaks for many.
-        most
-            Connections of one address.
-        """
-        self._entrance, self._counted, self._most_of_address = entrance, key, most
-        if key is not None:
-            entrance.strangers.enter(self, key)
-
-    def count_client(self, host: str) -> str | None:
-        """Count under the client's address where the peer is a proxy; return why not, or None."""
-        if self._entrance is None or self._counted is not None:
-            return None
-        addresses, most = self._entrance.addresses, self._most_of_address
-        key = self._counted = addresses.counted(host)
-        if key is None:
-            return None
-        self._entrance.strangers.enter(self, key)
-        of_address = addresses.enter(key)
-        if of_address > most:
-            self._in_vain = False
-            return too_many_of_address(of_address, most)
-        return self._entrance.is_in_vain(key, self.loop.time())
+    def shutdown(self) -> None:
+        """Let the session finish its landing where there is one, else close now."""
+        if self.on_shutdown is None:
+            super().shutdown()
+        else:
+            self.on_shutdown()
 
     def let_in(self) -> None:
         """Note that the session is open: from here on the bounds of a client hold."""

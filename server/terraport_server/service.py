@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
 import time
 from collections import Counter
-from collections.abc import Awaitable, Callable
 from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
@@ -44,9 +42,6 @@ address have all, by `max_sessions_per_ip`, has no such part."""
 METRIC_PAGES_PER_S: Final = 10.0
 """Averaged over 10 s: a page that is no older than that is given out beyond it."""
 
-_RECONNECT_STEP_MS = 2
-"""A welcome and a resumed landing take about so long."""
-
 
 def server_name() -> str:
     """Name and version of the service."""
@@ -71,8 +66,7 @@ class Service:
     """
 
     def __init__(self, settings: Settings) -> None:
-        # Invariant: the sum of _per_ip is the number of sessions; _empty is set while _senders is
-        # empty. Nothing here opens a scene or starts a task: that is start's.
+        # Invariant: the sum of _per_ip is the number of sessions.
         self.settings = settings
         self.gate = Gate.from_settings(settings)
         self.metrics = Metrics()
@@ -115,26 +109,19 @@ class Service:
         self.ready = False
         """Whether the scenes were looked at and clients may come."""
         self.draining = False
-        self.replaced = False
-        """Whether another process serves already: the service as a whole goes on."""
-        self.all_metrics: Callable[[], Awaitable[bytes]] | None = None
-        """Asks for the metrics of all processes, where there are several."""
         self._metric_pages = RateLimit(METRIC_PAGES_PER_S, now_s=time.monotonic())
         self._metric_page = b""
         self._senders: dict[Sender, ServedScene] = {}
-        self._empty = asyncio.Event()
-        self._empty.set()
         self._per_ip: Counter[str] = Counter()
         self._tasks: list[asyncio.Task[None]] = []
 
-    async def render_metrics(self) -> bytes:
+    def render_metrics(self) -> bytes:
         """Return the page of /metrics: of all processes of this service.
 
-        Beyond `METRIC_PAGES_PER_S` it is the last one: it takes 2 ms of each process.
+        Beyond `METRIC_PAGES_PER_S` it is the last one.
         """
         if self._metric_pages.take(time.monotonic()) or not self._metric_page:
-            page = self.metrics.render() if self.all_metrics is None else await self.all_metrics()
-            self._metric_page = page
+            self._metric_page = self.metrics.render()
         return self._metric_page
 
     @property
@@ -156,37 +143,21 @@ class Service:
         ]
         self.ready = True
 
-    async def drain(self, *, replaced: bool = False) -> None:
-        """Take no new sessions, let open landings finish, end all sessions; bounded in time.
-
-        Parameters
-        ----------
-        replaced
-            Another process serves already: clients are told to come back at once, one after the
-            other so that they do not all arrive in one moment.
-        """
+    def begin_drain(self) -> None:
+        """Take no new sessions; open landings finish within drain_timeout_s, then sessions end."""
         if self.draining:
             return
         self.draining = True
-        self.replaced = replaced
-        if not replaced:  # else one of several processes goes, and the service stays
-            self.metrics.draining.set(1)
         settings = self.settings
-        loop = asyncio.get_running_loop()
         if self._senders:
             log("draining", sessions=len(self._senders))
-        for number, sender in enumerate(self._senders):
-            after_ms = settings.reconnect_after_ms
-            if replaced:
-                after_ms = min(after_ms, number * _RECONNECT_STEP_MS)
+        for sender in self._senders:
             sender.session.drain(
-                time.monotonic(), settings.drain_timeout_s, reconnect_after_ms=after_ms
+                time.monotonic(),
+                settings.drain_timeout_s,
+                reconnect_after_ms=settings.reconnect_after_ms,
             )
             sender.wake()
-        until_s = loop.time() + settings.drain_timeout_s + settings.close_timeout_s
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout_at(until_s):
-                await self._empty.wait()
 
     async def stop(self) -> None:
         """End what :meth:`start` began and close the scenes."""
@@ -240,13 +211,10 @@ class Service:
         """Take a client in: it holds its scene, and hears of news."""
         served.hold()
         self._senders[sender] = served
-        self._empty.clear()
 
     def remove(self, sender: Sender) -> None:
         """Forget a client and release its scene."""
         served = self._senders.pop(sender)
-        if not self._senders:
-            self._empty.set()
         served.release()
 
     async def run_pick(self, served: ServedScene, action: RunPick, account: Account) -> Hit | None:

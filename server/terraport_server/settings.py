@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ipaddress
 import os
-import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -30,7 +29,7 @@ from terraport_wire import (
     MAX_RELEASE_FACTOR,
 )
 
-__all__ = ["ENV_PREFIX", "Settings"]
+__all__ = ["ENV_PREFIX", "Settings", "is_loopback"]
 
 ENV_PREFIX = "TERRAPORT_"
 
@@ -96,14 +95,13 @@ class Settings(BaseSettings):
 
     host: str = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65_535)] = 8080
-    workers: Annotated[int, Field(ge=0, le=256)] = 1
-    """Processes behind the one port; 0 = one per core. Most limits below hold for each of them."""
-    worker_hang_s: Annotated[float, Field(ge=1, le=3600)] = 10.0
-    """A worker that says nothing for so long is killed and replaced; its new clients are others'
-    after 0.7 s."""
-    tls_certificate: Path | None = None
-    """PEM file; with tls_key the service speaks https and wss itself."""
-    tls_key: Path | None = None
+    workers: Annotated[int, Field(ge=1, le=256)] = 1
+    """Processes behind the one port. Most limits below hold for each of them; groups cannot be
+    joined with more than one."""
+    ssl_certfile: Path | None = None
+    """PEM file of the certificate and its chain: the service speaks https and wss itself."""
+    ssl_keyfile: Path | None = None
+    """PEM file of its key."""
     forwarded_allow_ips: str = "127.0.0.1"
     """Proxies whose X-Forwarded-For is believed, comma-separated."""
 
@@ -248,16 +246,9 @@ class Settings(BaseSettings):
 
     @property
     def groups_served(self) -> Literal["none", "here", "query"]:
-        """Where groups can be joined: a group lives in one process.
-
-        Several workers pass connections that name a group to the one where it lives; what TLS has
-        read ahead in one process cannot go to another.
-        """
-        if self.group_routing == "off":
+        """Where groups can be joined: a group lives in one process."""
+        if self.group_routing == "off" or self.workers != 1:
             return "none"
-        if self.workers != 1:
-            is_passed = sys.platform == "linux" and self.tls_certificate is None
-            return "query" if is_passed else "none"
         return "here" if self.group_routing == "process" else "query"
 
     def group_limits(self) -> GroupLimits:
@@ -288,9 +279,12 @@ class Settings(BaseSettings):
         if self.viewer_dir is not None and not (self.viewer_dir / "index.html").is_file():
             what = f"{self.viewer_dir} has no index.html, expected the folder of a built viewer"
             raise SettingsError("viewer_dir", what)
-        if (self.tls_certificate is None) != (self.tls_key is None):
-            raise SettingsError("tls_key", "got one of tls_certificate and tls_key, expected both")
-        if self.is_open and not self.allow_open and not _is_loopback(self.host):
+        if (self.ssl_certfile is None) != (self.ssl_keyfile is None):
+            what = "got one of ssl_certfile and ssl_keyfile, expected both"
+            raise SettingsError("ssl_keyfile", what)
+        if self.workers > 1 and os.name == "nt":
+            raise SettingsError("workers", f"got {self.workers} on Windows, expected 1")
+        if self.is_open and not self.allow_open and not is_loopback(self.host):
             raise SettingsError(
                 "token",
                 f"got none while listening on {self.host}, expected a token, tokens file or "
@@ -332,7 +326,7 @@ class Settings(BaseSettings):
     @property
     def checks_host(self) -> bool:
         """Whether a request must call the service by a name that is its own."""
-        return self.is_open and not self.allow_open and _is_loopback(self.host)
+        return self.is_open and not self.allow_open and is_loopback(self.host)
 
 
 def _no_folder(path: Path) -> str:
@@ -346,7 +340,8 @@ def _no_folder(path: Path) -> str:
     return f"there is no folder {path}, {expected}"
 
 
-def _is_loopback(host: str) -> bool:
+def is_loopback(host: str) -> bool:
+    """Return whether a host is this machine alone."""
     if host == "localhost":
         return True
     try:

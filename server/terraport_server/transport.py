@@ -8,7 +8,7 @@ works, with larger buffers and more copies per chunk.
 On a plain socket many frames are written in one call, headers and payloads together, bypassing the
 transport while its buffer is empty: by ``os.writev`` to the transport's descriptor. The rest of a
 frame that the socket does not accept goes through the transport, which keeps the order: a pong or a
-close is sent after it. Under TLS the transport is our own, and accepts as much as the socket does.
+close is sent after it.
 Measured: ``docs/decisions/0049-many-frames-a-call.md``.
 """
 
@@ -26,7 +26,6 @@ from websockets.protocol import State
 
 from terraport_server.link_buffer import LinkBuffer
 from terraport_server.peer_limits import FRAMES_PER_MESSAGE, BoundedPeer
-from terraport_server.sending_transport import SendingTransport
 from terraport_server.stream.client_turns import ClientTurns
 
 __all__ = ["EXTENSION", "MAX_FRAMES", "Connection", "connection_of", "protocol_class"]
@@ -57,8 +56,6 @@ class Connection(BoundedPeer):
 
     _raw: Any = None
     """The transport's socket, while it is open."""
-    _secure: SendingTransport | None = None
-    """The transport, under TLS."""
     _may_go_direct = False
     _buffer: LinkBuffer | None = None
     _when_clear: Callable[[], None] | None = None
@@ -74,10 +71,9 @@ class Connection(BoundedPeer):
         raw = transport.get_extra_info("socket")
         if raw is None or raw.family not in {socket.AF_INET, socket.AF_INET6}:
             return
-        if isinstance(transport, SendingTransport):
-            self._secure = transport
         self._raw = raw
-        self._may_go_direct = self._secure is not None or hasattr(os, "writev")
+        is_secure = transport.get_extra_info("sslcontext") is not None
+        self._may_go_direct = not is_secure and hasattr(os, "writev")
         if self.notsent_lowat_bytes:
             _set_option(raw, socket.IPPROTO_TCP, TCP_NOTSENT_LOWAT, self.notsent_lowat_bytes)
         if self.send_buffer_bytes:
@@ -89,7 +85,7 @@ class Connection(BoundedPeer):
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop writing to the socket: its descriptor number may be reused by another connection."""
         super().connection_lost(exc)
-        self._secure = self._raw = None
+        self._raw = None
         self._tell_clear()
 
     def data_received(self, data: bytes) -> None:
@@ -205,10 +201,7 @@ class Connection(BoundedPeer):
         try:
             if not self.send_buffer_bytes:
                 self._fit_buffer()
-            if self._secure is not None:
-                sent = self._secure.send_now(buffers)
-            else:
-                sent = os.writev(self._raw.fileno(), buffers)
+            sent = os.writev(self._raw.fileno(), buffers)
         except BlockingIOError:
             sent = 0
         except OSError:

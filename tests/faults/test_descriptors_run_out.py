@@ -15,9 +15,8 @@ import pytest
 from eventually import eventually
 from faults.service import PROGRAM, Service
 from server.grid_scene import write_grid_scene
-from server.plain_client import PlainClient
+from server.plain_client import PlainClient, client_context
 from server.test_access_watch import write_certificate
-from server.test_secure_transport import client_context
 from websockets.exceptions import InvalidStatus
 
 from terraport_server.scenes.registry import SceneRegistry
@@ -58,7 +57,7 @@ def test_a_session_takes_one_descriptor(tmp_path: Path, tls: bool) -> None:
     options = {}
     if tls:
         write_certificate(tmp_path, "localhost")
-        settings = {"tls_certificate": tmp_path / "cert.pem", "tls_key": tmp_path / "key.pem"}
+        settings = {"ssl_certfile": tmp_path / "cert.pem", "ssl_keyfile": tmp_path / "key.pem"}
         options = {"ssl": client_context()}
     with Service(tmp_path / "scenes", **settings) as service:
         url = f"{service.url}/scenes/pit".replace("http", "https" if tls else "http")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ssl
 from collections.abc import Sequence
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -142,3 +143,11 @@ def assemble(frames: list[PayloadFrame]) -> dict[int, bytes]:
         payload += frame.chunk
         assert len(payload) <= frame.total
     return {segment: bytes(payload) for segment, payload in payloads.items()}
+
+
+def client_context() -> ssl.SSLContext:
+    """Return a TLS context that accepts any certificate."""
+    context = ssl.create_default_context()
+    context.check_hostname = False
+    context.verify_mode = ssl.CERT_NONE
+    return context

@@ -323,8 +323,8 @@ def test_a_certificate_is_renewed_under_running_sessions(folder: Path, tmp_path:
     context.verify_mode = ssl.CERT_NONE
     with BackgroundServer(
         folder,
-        tls_certificate=tmp_path / "cert.pem",
-        tls_key=tmp_path / "key.pem",
+        ssl_certfile=tmp_path / "cert.pem",
+        ssl_keyfile=tmp_path / "key.pem",
         access_check_s=PERIOD_S,
     ) as running:
         assert served_name(running) == "first"
@@ -342,11 +342,3 @@ def test_a_certificate_is_renewed_under_running_sessions(folder: Path, tmp_path:
         plain = PlainClient  # without TLS nothing answers
         with pytest.raises(Exception, match=r"(?i)http|line|closed|reset|response"):
             plain(running.scene_url("pit"))
-
-
-def test_a_signal_has_files_read_at_once(folder: Path, tokens: Path) -> None:
-    with BackgroundServer(folder, tokens_file=tokens, access_check_s=60.0) as running:
-        tokens.write_text(f"carl {'c' * 16}\n")
-        running._server.reread_access()
-        eventually(lambda: opens(running, "c" * 16) == 200)
-        assert opens(running, ANNA) == 401

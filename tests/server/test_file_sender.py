@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 from eventually import eventually
 from server.grid_scene import SIDE, write_grid_scene
-from server.plain_client import PlainClient
+from server.plain_client import PlainClient, client_context
 from server.test_access_watch import write_certificate
-from server.test_secure_transport import client_context
+from terraport_server.secure_transport import SecureTransport
 
 from terraport_server import BackgroundServer
 from terraport_server.file_sender import FileSender
-from terraport_server.secure_transport import SecureTransport
 from terraport_wire import Land, PayloadFrame, Ready
 
 BIG = 3 << 20
@@ -41,7 +40,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def server(folder: Path) -> Iterator[BackgroundServer]:
     with BackgroundServer(
-        folder / "scenes", tls_certificate=folder / "cert.pem", tls_key=folder / "key.pem"
+        folder / "scenes", ssl_certfile=folder / "cert.pem", ssl_keyfile=folder / "key.pem"
     ) as running:
         yield running
 

@@ -18,14 +18,11 @@ import pytest
 import typer
 from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient, assemble
-from server.test_access_watch import write_certificate
 from typer.testing import CliRunner
 
 from terraport_server import BackgroundServer
 from terraport_server.cli import register
 from terraport_server.errors import ServerError, SettingsError
-from terraport_server.serving import make_server
-from terraport_server.settings import Settings
 from terraport_wire import Credit, Land, Notice, Plan, Ready
 
 PROGRAM = """
@@ -86,9 +83,8 @@ def test_sigterm_lets_the_open_landing_finish(tmp_path: Path) -> None:
         process.send_signal(signal.SIGTERM)
         notice, before, _ = client.until(Notice)
         assert notice.kind == "draining"
-        with PlainClient(f"{url}/scenes/pit") as late:
-            error, code = late.refused()
-        assert (error.code, code) == ("draining", 4503)
+        with pytest.raises(ConnectionRefusedError):
+            PlainClient(f"{url}/scenes/pit")
         client.send(Credit(bytes=1 << 30))
         ready, frames, _ = client.until(Ready)
         assert ready.delivered == 36
@@ -109,14 +105,6 @@ def test_ctrl_c_ends_it_quietly(tmp_path: Path) -> None:
     assert process.returncode == 0
     assert "Traceback" not in log
     assert "no scene yet" in output
-
-
-def test_tls_without_its_extra_says_which(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    write_certificate(tmp_path, "localhost")
-    monkeypatch.setitem(sys.modules, "terraport_server.secure_context", None)
-    files = {"tls_certificate": tmp_path / "cert.pem", "tls_key": tmp_path / "key.pem"}
-    with pytest.raises(SettingsError, match=r'needs pyOpenSSL, expected "terraport\[tls\]"'):
-        make_server(Settings(scenes_dir=tmp_path, **files))
 
 
 def test_help_teaches() -> None:
@@ -143,14 +131,14 @@ def test_help_teaches() -> None:
         (["{dir}", "--token-keys", "{dir}/no"], "--token-keys: {dir}/no: No such file"),
         (["{dir}", "--max-radius", "-1"], "--max-radius: got -1, expected a number above 0"),
         (["{dir}", "--port", "70000"], "--port: got 70000, expected a whole number from 0 to 65"),
-        (["{dir}", "--tls-key", "x"], "--tls-key: got one of tls_certificate and tls_key"),
+        (["{dir}", "--ssl-keyfile", "x"], "--ssl-keyfile: got one of ssl_certfile and ssl_keyfile"),
         (
-            ["{dir}", "--tls-key", "{dir}/file", "--tls-certificate", "{dir}/x"],
-            "--tls-certificate: there is no file {dir}/x, expected one in PEM",
+            ["{dir}", "--ssl-keyfile", "{dir}/file", "--ssl-certfile", "{dir}/x"],
+            "--ssl-certfile: there is no file {dir}/x, expected one in PEM",
         ),
         (
-            ["{dir}", "--tls-key", "{dir}/file", "--tls-certificate", "{dir}/file"],
-            "--tls-certificate: got {dir}/file, expected a certificate in PEM",
+            ["{dir}", "--ssl-keyfile", "{dir}/file", "--ssl-certfile", "{dir}/file"],
+            "--ssl-certfile: got {dir}/file, expected a certificate in PEM",
         ),
     ],
 )
@@ -203,9 +191,7 @@ def test_a_port_in_use_is_an_error_and_nothing_else_is_said(tmp_path: Path, work
     assert process.stdout == ""  # no address that somebody else answers at
     (line,) = process.stderr.splitlines()
     assert line.startswith(f"error: could not listen on 127.0.0.1:{port}: ")
-    if sys.platform == "linux":
-        assert f" (process {os.getpid()}) does; stop it" in line
-    assert re.search(r"choose another port: --port \d+, which is free$", line)
+    assert line.endswith("choose another port: --port 0 for any free one")
 
 
 def test_a_free_port_is_said_as_it_is(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import importlib.util
 import os
 import shlex
 import shutil
+import socket
 import sys
 import tempfile
 import time
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     import terraport.sync
     from terraport_pipeline.demo import DemoScene
     from terraport_server.background_server import BackgroundServer
-    from terraport_server.listeners import Listeners
 
 __all__ = ["demo", "has_display", "register"]
 
@@ -96,7 +96,7 @@ def demo(
     with (
         reporting_errors(errors),
         # Had before minutes of work, not after: a taken port is said at once.
-        _listening(port) as listeners,
+        _listening(port) as sockets,
         _directory(keep) as directory,
     ):
         count = parse_count(points, "points")
@@ -106,7 +106,7 @@ def demo(
         place_shipped_scene(scenes)
         with (
             _announcing(scenes / QUARRY_ID) if _can_build() else contextlib.nullcontext(),
-            BackgroundServer(scenes, listeners=listeners) as server,
+            BackgroundServer(scenes, sockets=sockets) as server,
         ):
             if serve:
                 _show_shipped(console, server, started, open_page)
@@ -229,16 +229,19 @@ def _pages(server: BackgroundServer) -> dict[str, str]:
 
 
 @contextlib.contextmanager
-def _listening(port: int) -> Iterator[Listeners]:
+def _listening(port: int) -> Iterator[list[socket.socket]]:
     from terraport_server.errors import ServerError
-    from terraport_server.listeners import Listeners
+    from terraport_server.serving import listen
 
     try:
-        listeners = Listeners(_HOST, port, 1)
+        sockets = listen(_HOST, port)
     except ServerError as error:
         raise PipelineError(str(error)) from error
-    with contextlib.closing(listeners):
-        yield listeners
+    try:
+        yield sockets
+    finally:
+        for one in sockets:
+            one.close()
 
 
 @contextlib.contextmanager

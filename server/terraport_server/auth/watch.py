@@ -7,12 +7,12 @@ away are closed. Both within ``access_check_s`` or two.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
+import ssl
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from terraport_server.auth.gate import Gate, TokenPass, Withdrawal, static_tokens
 from terraport_server.auth.keys import read_keys
@@ -20,9 +20,6 @@ from terraport_server.errors import SettingsError
 from terraport_server.logging import LOGGER, log
 from terraport_server.metrics import Metrics
 from terraport_server.settings import Settings
-
-if TYPE_CHECKING:
-    from terraport_server.secure_context import SecureContext
 
 __all__ = ["AccessWatch", "Visitor"]
 
@@ -85,8 +82,6 @@ class AccessWatch:
         self._metrics = metrics
         self._visitors: set[Visitor] = set()
         self._files: list[_Watched] = []
-        self._hurry = asyncio.Event()
-        self._at_once = False
         tokens, keys = settings.tokens_file, settings.token_keys_file
 
         def tokens_again() -> Callable[[], None]:
@@ -103,19 +98,19 @@ class AccessWatch:
         if keys is not None:
             self._files.append(_Watched("token_keys", (keys,), keys_again))
 
-    def watch_certificate(self, context: SecureContext) -> None:
+    def watch_certificate(self, context: ssl.SSLContext) -> None:
         """Load the certificate into this context again when it changes, for new connections."""
-        certificate, key = self._settings.tls_certificate, self._settings.tls_key
+        certificate, key = self._settings.ssl_certfile, self._settings.ssl_keyfile
         assert certificate is not None
         assert key is not None
 
         def certificate_again() -> Callable[[], None]:
             try:
-                read = context.load()
+                ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key)
             except OSError as error:
                 what = f"{error}, expected a certificate and its key in PEM"
-                raise SettingsError("tls_certificate", what) from None
-            return lambda: context.use(read)
+                raise SettingsError("ssl_certfile", what) from None
+            return lambda: context.load_cert_chain(certificate, key)
 
         self._files.append(_Watched("tls", (certificate, key), certificate_again))
 
@@ -130,10 +125,7 @@ class AccessWatch:
     async def watch(self, period_s: float) -> None:
         """Refresh, and check every visitor, once a period until cancelled."""
         while True:
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(period_s):
-                    await self._hurry.wait()
-            self._hurry.clear()
+            await asyncio.sleep(period_s)
             try:
                 await self.refresh()
                 self.sweep()
@@ -148,19 +140,13 @@ class AccessWatch:
         was read before stays in force. One that changes again and again is read all the same after
         some looks, if it did not change meanwhile: else nobody could be locked out any more.
         """
-        at_once, self._at_once = self._at_once, False
         for file in self._files:
             seen = await asyncio.to_thread(_stamps, file.paths)
             quiet = seen == file.seen and seen != file.used
             file.restless = 0 if seen in (file.seen, file.used) else file.restless + 1
             file.seen = seen
-            if quiet or at_once or file.restless >= _RESTLESS_LOOKS:
-                await self._read(file, seen, even_if_changing=quiet or at_once)
-
-    def refresh_soon(self) -> None:
-        """Read every file at the next look, changed or not: an operator asked for it."""
-        self._at_once = True
-        self._hurry.set()
+            if quiet or file.restless >= _RESTLESS_LOOKS:
+                await self._read(file, seen, even_if_changing=quiet)
 
     def sweep(self) -> None:
         """End the sessions whose token opens their scene no more."""

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from terraport_server.auth.origins import host_is_ours
-from terraport_server.http_connection import ANSWERED
+from terraport_server.descriptors import NO_DESCRIPTOR, has_free_descriptors
 from terraport_server.service import Service
 
 __all__ = ["AppGuard"]
@@ -67,9 +67,6 @@ class AppGuard:
         async def counted(message: Message) -> None:
             if message["type"] == "http.response.start":
                 self._service.metrics.answered(message["status"])
-                answered = scope.get("extensions", {}).get(ANSWERED)
-                if answered is not None:
-                    answered(message["status"])
                 message["headers"] = [*message.get("headers", ()), *_added(scope, message)]
             await send(message)
 
@@ -80,6 +77,9 @@ class AppGuard:
             await _answer(counted, refusal)
 
     def _refusal(self, scope: Scope) -> Refusal | None:
+        if not has_free_descriptors():
+            self._service.note_refusal("connections", NO_DESCRIPTOR, _client(scope))
+            return Refusal("connections", 503, "connections", NO_DESCRIPTOR)
         settings = self._service.settings
         if not settings.checks_host:
             return None

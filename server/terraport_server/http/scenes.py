@@ -207,7 +207,7 @@ async def get_health() -> str:
 @_router.get("/readyz", summary="Whether new sessions are accepted")
 async def get_readiness(service: ServiceOfRequest) -> PlainTextResponse:
     """Return 200, or 503 while starting or draining, or without any scene."""
-    draining = service.draining and not service.replaced
+    draining = service.draining
     if draining or not service.ready:
         return PlainTextResponse("draining\n" if draining else "starting\n", 503)
     if service.registry.is_empty:
@@ -234,7 +234,7 @@ async def _check_metrics_token(request: Request, service: ServiceOfRequest) -> N
 @_router.get("/metrics", summary="Prometheus metrics", dependencies=[Depends(_check_metrics_token)])
 async def get_metrics(service: ServiceOfRequest) -> Response:
     """Return all metrics, of all processes of the service."""
-    return Response(await service.render_metrics(), media_type=CONTENT_TYPE)
+    return Response(service.render_metrics(), media_type=CONTENT_TYPE)
 
 
 def _file(

@@ -12,7 +12,7 @@ from prometheus_client import CollectorRegistry
 
 from terraport_server.errors import SettingsError
 from terraport_server.logging import log
-from terraport_server.object_metrics import ObjectMetrics
+from terraport_server.metrics import ObjectMetrics
 from terraport_server.settings import Settings
 from terraport_store import (
     REACH_S,

@@ -15,7 +15,8 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from terraport_server.auth.gate import TokenPass, bearer_token
 from terraport_server.auth.origins import host_is_ours, origin_is_allowed
 from terraport_server.auth.watch import Visitor
-from terraport_server.client_addresses import client_key
+from terraport_server.client_key import client_key
+from terraport_server.descriptors import NO_DESCRIPTOR, has_free_descriptors
 from terraport_server.errors import AccessError, UnknownSceneError
 from terraport_server.groups.registry import GroupDoor
 from terraport_server.logging import log
@@ -64,10 +65,9 @@ async def stream(websocket: WebSocket, scene_id: str, service: Service) -> None:
     speaks = SUBPROTOCOL in offered
     client_ip = websocket.client.host if websocket.client is not None else "unknown"
     connection = connection_of(websocket.scope)
-    full = None if connection is None else connection.count_client(client_ip)
-    if full is not None:
-        service.note_refusal("connections", full, client_ip)
-        error = {"error": {"code": "connections", "message": full}}
+    if not has_free_descriptors():
+        service.note_refusal("connections", NO_DESCRIPTOR, client_ip)
+        error = {"error": {"code": "connections", "message": NO_DESCRIPTOR}}
         await websocket.send_denial_response(JSONResponse(error, 503))
         return
     await websocket.accept(SUBPROTOCOL if speaks else None)
@@ -195,6 +195,8 @@ async def _serve(
     # Enter, serve, leave.
     visitor = Visitor(scene_id, withdraw, session_id, token_pass)
     service.add(sender, served)
+    if connection is not None:
+        connection.on_shutdown = service.begin_drain
     service.access.add(visitor)
     try:
         await sender.run()

@@ -7,7 +7,7 @@ import asyncio
 import logging
 from time import monotonic
 
-from terraport_server.client_addresses import client_key
+from terraport_server.client_key import client_key
 from terraport_server.logging import OncePerMinute, log
 from terraport_server.metrics import Metrics
 from terraport_server.scenes.served_scene import ServedScene
