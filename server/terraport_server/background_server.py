@@ -62,10 +62,7 @@ class BackgroundServer:
         else:
             overrides["scenes_dir"] = Path(scenes_dir)
         settings = Settings(**overrides)
-        self._server = make_server(settings)
-        app = self._server.config.app
-        assert isinstance(app, FastAPI)
-        self._service: Service = app.state.service
+        self._server, self._service = make_server(settings)
         self._sockets = sockets or listen(settings.host, settings.port)
         self.port: int = self._sockets[0].getsockname()[1]
         """The port that it listens on."""

@@ -97,8 +97,8 @@ def host_in_url(host: str) -> str:
     return f"[{host}]" if ":" in host else host
 
 
-def make_server(settings: Settings) -> uvicorn.Server:
-    """Return uvicorn's server of one process; ``config.app.state.service`` is the service.
+def make_server(settings: Settings) -> tuple[uvicorn.Server, Service]:
+    """Return uvicorn's server of one process, and the service behind it.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def make_server(settings: Settings) -> uvicorn.Server:
     config.load()
     if config.ssl is not None:
         service.access.watch_certificate(config.ssl)
-    return uvicorn.Server(config)
+    return uvicorn.Server(config), service
 
 
 def connection_class(service: Service) -> type[Any]:
@@ -183,14 +183,14 @@ def run(
     sockets = listen(settings.host, settings.port)
     try:
         # Made for several workers too: what each would refuse is refused once, before the address.
-        server = make_server(settings)
+        server, service = make_server(settings)
         if announce is not None:
             announce(sockets[0].getsockname()[1])
         configure_logging(settings.log_level, settings.log_format)
         if settings.workers == 1:
             _run_alone(server, sockets)
         else:
-            server.config.app.state.service.registry.close()
+            service.registry.close()
             _run_workers(settings, options or {}, sockets)
     finally:
         for one in sockets:

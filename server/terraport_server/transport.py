@@ -67,7 +67,9 @@ class Connection(BoundedPeer):
         super().connection_made(transport)
         self.heard_s = self.loop.time()
         # Empty between two frames: then the next may go past it, straight into the socket.
-        self.transport.set_write_buffer_limits(0)
+        self.transport.set_write_buffer_limits(
+            0 if transport.get_extra_info("sslcontext") is None else 65536
+        )
         raw = transport.get_extra_info("socket")
         if raw is None or raw.family not in {socket.AF_INET, socket.AF_INET6}:
             return

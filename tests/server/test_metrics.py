@@ -10,14 +10,16 @@ from pathlib import Path
 import httpx
 import pytest
 from eventually import eventually
+from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.parser import text_string_to_metric_families
 from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient
 
 from terraport_server import BackgroundServer, Settings
-from terraport_server.metrics import MAX_SCENE_LABELS, Metrics
+from terraport_server.metrics import MAX_SCENE_LABELS, Metrics, ObjectMetrics
 from terraport_server.service import METRIC_PAGES_PER_S, Service
 from terraport_server.session.rate_limit import RateLimit
+from terraport_store.object_files import ObjectStorage
 from terraport_wire import Bye, Credit, Land, Plan, Ready
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "topics" / "metrics.md"
@@ -41,7 +43,7 @@ def value(server: BackgroundServer, name: str, **labels: str) -> float:
 
 
 def test_the_page_lists_every_metric_with_its_type_and_labels() -> None:
-    page = PAGE.read_text().split("Only with several workers")[0]
+    page = PAGE.read_text().split("Only with object storage")[0]
     listed = {}
     for name, kind, labels in re.findall(r"^\| `(\w+)` \| (\w+) \|([^|]*)\|", page, re.M):
         listed[name] = (kind, sorted(re.findall(r"(?:^ |; )`(\w+)`", labels)))
@@ -143,3 +145,23 @@ def test_refusals_are_counted_by_reason(server: BackgroundServer) -> None:
     with PlainClient(url, origin="http://evil.example") as client:
         client.refused()
     assert value(server, "terraport_refused_total", reason="origin") == 1
+
+
+def test_object_storage_has_metrics_of_its_own() -> None:
+    page = PAGE.read_text().split("Only with object storage")[1]
+    listed = {
+        name: (kind, re.findall(r"(?:^ |; )`(\w+)`", labels))
+        for name, kind, labels in re.findall(r"^\| `(\w+)` \| (\w+) \|([^|]*)\|", page, re.M)
+    }
+    registry = CollectorRegistry()
+    with ObjectStorage() as storage:
+        metrics = {}
+        for family in ObjectMetrics(storage, registry).collect():
+            suffix = "_total" if family.type == "counter" else ""
+            labels = sorted({label for sample in family.samples for label in sample.labels})
+            metrics[family.name + suffix] = (family.type, labels)
+        storage.counts.add(requests=3, bytes=500, payloads_from_disk=2)
+        text = generate_latest(registry).decode()
+    assert listed == metrics
+    assert "terraport_object_requests_total 3.0" in text
+    assert 'terraport_object_payloads_total{origin="disk"} 2.0' in text
