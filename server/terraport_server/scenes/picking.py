@@ -1,6 +1,6 @@
-"""What lies along a ray at full detail, whether the client holds it or not.
+"""Ray casting against a scene at full detail.
 
-Segments whose box the ray meets are decoded, nearest first, and their triangles tested exactly,
+Segments whose box the ray meets are decoded, nearest first, and their triangles are tested exactly,
 until no box is left that begins before the nearest hit.
 
 References
@@ -28,12 +28,12 @@ from terraport_wire import Hit
 __all__ = ["MeshCache", "RayHit", "pick", "ray_box_entry", "ray_triangles"]
 
 _EDGE = 1e-9
-"""Barycentric slack: a ray through a shared edge must not slip between two faces."""
+"""Barycentric tolerance: a ray through a shared edge must not pass between two faces."""
 
 
 @dataclass(frozen=True, slots=True)
 class RayHit:
-    """The nearest face that a ray meets."""
+    """Nearest face that a ray meets."""
 
     distance_m: float
     face: int
@@ -42,12 +42,12 @@ class RayHit:
 
 
 class MeshCache:
-    """Decoded segments, least recently used out first. Thread-safe.
+    """LRU cache of decoded segments. Thread-safe.
 
     Parameters
     ----------
     max_bytes
-        Bound on what is kept; a mesh larger than it is not kept.
+        Bound of the cache; a mesh that is larger is not cached.
     """
 
     def __init__(self, max_bytes: int) -> None:
@@ -58,7 +58,7 @@ class MeshCache:
 
     @property
     def size_bytes(self) -> int:
-        """Bytes of arrays kept now."""
+        """Size of the cached arrays."""
         return self._bytes
 
     def get(self, scene: Scene, segment: int) -> SegmentMesh:
@@ -67,7 +67,7 @@ class MeshCache:
         Raises
         ------
         StoreError, PayloadError
-            When its payload is not whole.
+            When its payload is damaged.
         """
         key = (scene.manifest.version, segment)
         with self._lock:
@@ -99,55 +99,53 @@ def pick(
     time_is_up: Callable[[], bool],
     failed: Callable[[int, Exception], None],
 ) -> Hit | None:
-    """Find what a ray meets. Blocks: call it in a thread.
+    """Find the nearest hit of a ray. Blocks: call it in a thread.
 
     Parameters
     ----------
     scene
-        Its R-tree is not used, so any thread may call.
     cache
         Decoded segments.
     origin
         x, y, z in metres, scene frame.
     direction
-        Of any length but 0; ``None`` = the vertical line through the origin, the nearest hit, the
-        lower one on a tie.
+        Of any length but 0; ``None`` = both directions of the vertical line through the origin; on
+        a tie the lower hit.
     names
         Stable ids and labels of the scene's regions.
     max_distance_m
-        The ray's end.
+        Length of the ray.
     max_segments
-        Segments that may be decoded.
+        Maximum number of decoded segments.
     time_is_up
-        Asked before each segment.
+        Called before each segment.
     failed
-        Told of a segment that cannot be read; it is passed over.
+        Called for a segment that cannot be read; it is skipped.
 
     Returns
     -------
     Hit or None
-        ``None`` where nothing is met.
+        ``None`` without a hit.
 
     Raises
     ------
     PickTimeoutError
-        When time or segments run out before the answer is certain.
+        When the time or the number of segments is exceeded before the result is certain.
 
     Notes
     -----
-    Invariant: ``best`` is the nearest hit of all segments looked at, and every other segment begins
-    at or behind the one that is looked at next.
+    Invariant: ``best`` is the nearest hit of all segments tested, and every other segment begins
+    at or behind the next one.
     """
-    # The rays, of unit length: a distance along them is in metres.
+    # Unit vectors: a distance along them is in metres.
     start = np.asarray(origin, dtype=np.float64)
     if direction is None:
         rays = [np.array([0.0, -1.0, 0.0]), np.array([0.0, 1.0, 0.0])]
     else:
         towards = np.asarray(direction, dtype=np.float64)
-        # Scaled first: the square of a very small or large component would vanish or overflow.
+        # Scaled first: the square of a very small or large component would underflow or overflow.
         towards = towards / np.abs(towards).max()
         rays = [towards / np.linalg.norm(towards)]
-    # Segments along each ray in the order in which the ray enters their boxes.
     best: tuple[RayHit, int, SegmentMesh, Float64] | None = None
     decoded = 0
     for ray in rays:
@@ -178,7 +176,7 @@ def pick(
 
 
 def ray_box_entry(bounds: Float32, origin: Float64, ray: Float64) -> Float64:
-    """Distance at which a ray enters each box.
+    """Return the distance at which a ray enters each box.
 
     Parameters
     ----------
@@ -192,7 +190,7 @@ def ray_box_entry(bounds: Float32, origin: Float64, ray: Float64) -> Float64:
     Returns
     -------
     ndarray
-        (N,) metres; 0 from inside, ``inf`` where the ray misses.
+        (N,) metres; 0 where the origin is inside, ``inf`` where the ray misses.
     """
     boxes = bounds.astype(np.float64)
     enter = np.zeros(len(boxes))
@@ -214,7 +212,7 @@ def ray_triangles(
     origin: Float64,
     ray: Float64,
 ) -> RayHit | None:
-    """Find the nearest triangle that a ray meets, either side of it.
+    """Find the nearest triangle that a ray meets, from either side.
 
     Parameters
     ----------
@@ -230,7 +228,7 @@ def ray_triangles(
     Returns
     -------
     RayHit or None
-        The lowest face index on a tie. Degenerate faces and faces edge-on to the ray are not met.
+        The lowest face index on a tie. Degenerate faces and faces parallel to the ray have no hit.
     """
     corners = positions.astype(np.float64)[faces]
     first, edge_1, edge_2 = (
