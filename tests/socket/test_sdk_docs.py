@@ -58,3 +58,10 @@ def test_page(
     for number, block in enumerate(blocks):
         exec(compile(block, f"{page.name} block {number}", "exec"), namespace)
         assert capsys.readouterr().out or list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#]+)", page.read_text()):
+        if "://" not in target:
+            assert (page.parent / target).exists(), target
