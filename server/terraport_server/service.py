@@ -12,7 +12,7 @@ from typing import Final
 from terraport_server.auth.gate import Gate
 from terraport_server.auth.watch import AccessWatch
 from terraport_server.errors import PickTimeoutError
-from terraport_server.groups.registry import GroupDesk
+from terraport_server.groups.hub import GroupHub
 from terraport_server.logging import OncePerMinute, log
 from terraport_server.metrics import Metrics
 from terraport_server.read_buffer import ReadBuffer
@@ -94,7 +94,7 @@ class Service:
         )
         # What sessions share: groups, the page, turns on the loop and on the wire, threads.
         routing = settings.groups_served
-        self.groups = None if routing == "none" else GroupDesk(settings.group_limits(), routing)
+        self.groups = None if routing == "none" else GroupHub(settings.group_limits(), routing)
         if self.groups is not None:
             groups = self.groups.groups
             self.metrics.groups.set_function(lambda: groups.group_count)

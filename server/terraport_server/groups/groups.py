@@ -52,7 +52,6 @@ class Groups:
         self._memberships: dict[Hashable, tuple[tuple[str, str], int]] = {}
         """Group id and seat number by connection."""
         self._messages: list[tuple[Hashable, Message]] = []
-        self._names: frozenset[str] | None = frozenset()
         self._due_s: dict[tuple[str, str], float] = {}
         """Time of the next timer of each group that has one, so that a message of one member does
         not require a loop over the seats of all groups."""
@@ -61,13 +60,6 @@ class Groups:
     def group_count(self) -> int:
         """Number of groups."""
         return len(self._groups)
-
-    @property
-    def names(self) -> frozenset[str]:
-        """Names of the groups that exist, in any scene: the same object until one comes or goes."""
-        if self._names is None:
-            self._names = frozenset(name for _, name in self._groups)
-        return self._names
 
     @property
     def member_count(self) -> int:
@@ -138,7 +130,6 @@ class Groups:
         # Assign the seat to the connection.
         if group_id not in self._groups:
             self._groups[group_id] = Group(group_id, owner)
-            self._names = None
         group = self._groups[group_id]
         if seat is None:
             group.newest += 1
@@ -326,7 +317,6 @@ class Groups:
             del self._memberships[seat.key]
         if not group.seats:
             del self._groups[group.id]
-            self._names = None
             self._update_timer(group)
             return
         if group.barrier is not None:

@@ -18,7 +18,7 @@ from terraport_server.auth.watch import Visitor
 from terraport_server.client_key import client_key
 from terraport_server.descriptors import NO_DESCRIPTOR, has_free_descriptors
 from terraport_server.errors import AccessError, UnknownSceneError
-from terraport_server.groups.registry import GroupDoor
+from terraport_server.groups.hub import GroupMember
 from terraport_server.logging import log
 from terraport_server.peer_limits import REFUSED_CLOSE_S
 from terraport_server.service import Service
@@ -147,7 +147,7 @@ async def _serve(
         service.metrics, service.once, session_id=session_id, served=served, client_ip=client_ip
     )
     # The session's surroundings: who hears of it, its way to the groups.
-    door: GroupDoor | None = None
+    member: GroupMember | None = None
     if service.groups is not None:
 
         def may_guide() -> bool:
@@ -163,7 +163,7 @@ async def _serve(
             sender.wake()
 
         named_by_url = websocket.query_params.get("group")
-        door = service.groups.door(
+        member = service.groups.member(
             scene_id, named_by_url, may_guide=may_guide, deliver=deliver, owner=owner
         )
     # The session itself is pure; the sender carries out what it decides.
@@ -174,7 +174,7 @@ async def _serve(
         now_s=monotonic(),
         authorise=authorise,
         observer=chronicle,
-        groups=door,
+        groups=member,
     )
     sender = Sender(
         websocket,
@@ -208,8 +208,8 @@ async def _serve(
         await _refuse(websocket, ErrorCode.INTERNAL, INTERNAL_TEXT)
     finally:
         session.ended()
-        if door is not None:
-            door.close(monotonic())
+        if member is not None:
+            member.close(monotonic())
         service.access.remove(visitor)
         service.remove(sender)
         if is_counted:

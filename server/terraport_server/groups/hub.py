@@ -1,6 +1,6 @@
-"""Groups of one process, on its event loop: timers, secrets, and whom a message is for.
+"""Groups on the event loop: timers, seat secrets, delivery of messages.
 
-What a group is and does is decided in :mod:`terraport_server.groups.groups`.
+The logic is in :mod:`terraport_server.groups.groups`.
 """
 
 from __future__ import annotations
@@ -14,36 +14,33 @@ from terraport_server.groups.groups import Groups
 from terraport_server.groups.state import GroupLimits, Place
 from terraport_wire import Arrived, Gather, Join, Message
 
-__all__ = ["GroupDesk", "GroupDoor"]
+__all__ = ["GroupHub", "GroupMember"]
 
 _SECRET_BYTES: Final = 16
-"""128 bits, as the protocol asks (16.1)."""
+"""128 bits, as the protocol requires (16.1)."""
 
 
-class GroupDesk:
-    """All groups of one process. Lives on one event loop.
+class GroupHub:
+    """All groups of one process, on one event loop.
 
     Parameters
     ----------
     limits
-        Bounds.
+        Limits.
     routing
-        ``"query"``: a join counts only on a connection whose URL names the group, because several
-        servers stand behind one address; ``"here"``: on any.
+        ``"query"``: join is allowed only on a connection whose URL names the group, because a proxy
+        routes by it; ``"here"``: on any connection.
     """
 
     def __init__(self, limits: GroupLimits, routing: Literal["here", "query"]) -> None:
         self.groups = Groups(limits)
-        """The state; to look at only."""
-        self.changed: Callable[[frozenset[str]], None] | None = None
-        """Told the names of all groups that have members, when one comes or goes."""
+        """State machine; read-only."""
         self._routing = routing
-        self._names: frozenset[str] = frozenset()
         self._timer: asyncio.TimerHandle | None = None
         self._due_s: float | None = None
-        """When that fires; None = there is none."""
+        """Time of the timer; None: there is none."""
 
-    def door(
+    def member(
         self,
         scene_id: str,
         named_by_url: str | None,
@@ -51,8 +48,8 @@ class GroupDesk:
         may_guide: Callable[[], bool],
         deliver: Callable[[Message], None],
         owner: Callable[[], Hashable],
-    ) -> GroupDoor:
-        """Return one session's way to the groups.
+    ) -> GroupMember:
+        """Return the access of one session to the groups.
 
         Parameters
         ----------
@@ -61,32 +58,29 @@ class GroupDesk:
         named_by_url
             Query parameter ``group`` of its connection.
         may_guide
-            Asked when the client wants to be guide.
+            Returns whether the client may be the guide.
         deliver
-            Takes messages for the client, on the event loop.
+            Called on the event loop with messages for the client.
         owner
-            Asked for the client's address and token when it joins.
+            Returns the client's address and token.
         """
-        return GroupDoor(
+        return GroupMember(
             self, scene_id, named_by_url, may_guide=may_guide, deliver=deliver, owner=owner
         )
 
     def refusal(self, join: Join, named_by_url: str | None) -> str | None:
-        """Return why a connection with such a URL does not come to that group."""
+        """Return the reason why a connection with this URL may not join the group."""
         if named_by_url is None and self._routing == "query":
             return "got join on a connection whose URL names no group, expected ?group=NAME in it"
         if named_by_url is not None and named_by_url != join.group:
             return "got join of another group than the connection's URL names, expected that one"
         return None
 
-    def hand_out(self) -> None:
-        """Deliver what the groups have to say, and see to it that time is looked at."""
-        for door, message in self.groups.take_messages():
-            assert isinstance(door, GroupDoor)  # the keys that doors pass are themselves
-            door.deliver(message)
-        if self.changed is not None and (names := self.groups.names) is not self._names:
-            self._names = names
-            self.changed(names)
+    def deliver(self) -> None:
+        """Deliver pending messages and set the timer."""
+        for member, message in self.groups.take_messages():
+            assert isinstance(member, GroupMember)
+            member.deliver(message)
         due_s = self.groups.wake_at_s()
         if due_s == self._due_s:
             return
@@ -97,22 +91,22 @@ class GroupDesk:
         self._timer = None if due_s is None else loop.call_at(due_s, self._tick)
 
     def stop(self) -> None:
-        """Let no timer outlive the service."""
+        """Cancel the timer."""
         if self._timer is not None:
             self._timer.cancel()
 
     def _tick(self) -> None:
         self._timer = self._due_s = None
         self.groups.tick(asyncio.get_running_loop().time())
-        self.hand_out()
+        self.deliver()
 
 
-class GroupDoor:
-    """One session's way to the groups: ``GroupPort`` of its :class:`Session`."""
+class GroupMember:
+    """Access of one session to the groups: the ``GroupPort`` of its :class:`Session`."""
 
     def __init__(
         self,
-        desk: GroupDesk,
+        hub: GroupHub,
         scene_id: str,
         named_by_url: str | None,
         *,
@@ -120,7 +114,7 @@ class GroupDoor:
         deliver: Callable[[Message], None],
         owner: Callable[[], Hashable],
     ) -> None:
-        self._desk = desk
+        self._hub = hub
         self._scene_id = scene_id
         self._named_by_url = named_by_url
         self._may_guide = may_guide
@@ -128,10 +122,10 @@ class GroupDoor:
         self.deliver = deliver
 
     def join(self, join: Join, place: Place | None, now_s: float) -> str | None:
-        """Take a seat, standing at that place if at any; return why not."""
-        refusal = self._desk.refusal(join, self._named_by_url)
+        """Join a group; return the reason of a refusal."""
+        refusal = self._hub.refusal(join, self._named_by_url)
         if refusal is None:
-            refusal = self._desk.groups.join(
+            refusal = self._hub.groups.join(
                 self,
                 self._scene_id,
                 join,
@@ -141,31 +135,31 @@ class GroupDoor:
                 owner=self._owner(),
                 place=place,
             )
-            self._desk.hand_out()
+            self._hub.deliver()
         return refusal
 
     def leave(self, now_s: float) -> None:
-        """Give up the seat, if there is one."""
-        self._desk.groups.leave(self, now_s)
-        self._desk.hand_out()
+        """Leave the group, if the session is in one."""
+        self._hub.groups.leave(self, now_s)
+        self._hub.deliver()
 
     def gather(self, gather: Gather, now_s: float) -> str | None:
-        """Land the group; return why not."""
-        refusal = self._desk.groups.gather(self, gather, now_s)
-        self._desk.hand_out()
+        """Start a group landing; return the reason of a refusal."""
+        refusal = self._hub.groups.gather(self, gather, now_s)
+        self._hub.deliver()
         return refusal
 
     def arrived(self, arrived: Arrived) -> None:
-        """Note that this member's part of a group landing is over."""
-        self._desk.groups.arrived(self, arrived.gathering, arrived.state)
-        self._desk.hand_out()
+        """Record that this member finished its part of a group landing."""
+        self._hub.groups.arrived(self, arrived.gathering, arrived.state)
+        self._hub.deliver()
 
     def landed(self, place: Place, now_s: float) -> None:
-        """Note where the client lands; nothing where it has no seat."""
-        self._desk.groups.landed(self, place, now_s)
-        self._desk.hand_out()
+        """Record the centre of the client's newest landing."""
+        self._hub.groups.landed(self, place, now_s)
+        self._hub.deliver()
 
     def close(self, now_s: float) -> None:
-        """Note that the connection is gone; the seat is kept for a while."""
-        self._desk.groups.lost(self, now_s)
-        self._desk.hand_out()
+        """Record that the connection is lost; its seat is kept for a while."""
+        self._hub.groups.lost(self, now_s)
+        self._hub.deliver()
