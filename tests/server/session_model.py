@@ -84,6 +84,7 @@ class Client:
         self.held: set[int] = set()
         self.partly_sent: dict[int, int] = {}
         self.load: dict[int, list[int]] = {}
+        self.landings: set[int] = set()
         self.ends: dict[int, list[str]] = {}
         self.sent_bytes: dict[int, int] = {}
         self.messages: list[Message] = []
@@ -154,6 +155,7 @@ class Client:
         assert 0 < chunk.length <= self.credit, "never more than the credit"
         self.credit -= chunk.length
         assert chunk.segment in self.load[chunk.generation], "only what was announced"
+        assert chunk.landing == (chunk.generation in self.landings)
         assert "superseded" not in self.ends.get(chunk.generation, []), "nothing of an ended one"
         assert chunk.total == int(self.table.lengths[chunk.segment])
         assert chunk.offset == self.partly_sent.get(chunk.segment, 0), "no gap, no overlap"
@@ -175,6 +177,7 @@ class Client:
             self.load[message.generation] = load
             self.partly_sent = {s: o for s, o in self.partly_sent.items() if s in load}
             if isinstance(message, Plan):
+                self.landings.add(message.generation)
                 assert self.held.issuperset(message.keep.tolist())
                 self.load[message.generation] = load + message.keep.tolist()
         elif isinstance(message, Ready):

@@ -120,8 +120,12 @@ def test_a_bad_message_before_hello_is_fatal_whatever_it_is() -> None:
 
 def test_bye_ends_it_and_nothing_more_is_sent() -> None:
     client = make_client()
+    client.tell(Pick(request=4, origin=(0.0, 1.0, 0.0)))
+    client.run()
     client.tell(land(1))
+    client.session.scene_published("v2")
     client.tell(Bye())
+    client.session.picked(4, None)
     assert client.run() == [Close(CloseCode.NORMAL, "bye")]
     assert client.run() == []
 
