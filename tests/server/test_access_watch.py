@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import datetime as dt
 import ssl
 import time
@@ -19,7 +18,6 @@ from eventually import eventually
 from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient
 
-import terraport_server
 from terraport_server import BackgroundServer
 from terraport_server.auth.keys import TokenKey, new_key, write_keys
 from terraport_server.auth.tokens import make_token
@@ -265,21 +263,6 @@ def test_a_clock_that_jumps_moves_expiry_and_nothing_else(server: BackgroundServ
         bob.send(Land(generation=2, position=(0.0, 0.0, 0.0), radius_m=50.0))
         bob.until(Ready)
     assert withdrawn(server, "expired") == 1
-
-
-def test_no_other_module_looks_at_the_wall_clock() -> None:
-    """What runs by a clock that can jump is here and in the command line, and nowhere else."""
-    lookers = set()
-    for path in Path(terraport_server.__file__).parent.glob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-                called = f"{node.value.id}.{node.attr}"
-                if called in {"time.time", "time.time_ns", "datetime.now", "dt.now"}:
-                    lookers.add(path.stem)
-            if isinstance(node, ast.Attribute) and node.attr in {"now", "utcnow", "today"}:
-                lookers.add(path.stem)
-    # A stroke is written down with its date, by which nothing runs.
-    assert lookers <= {"auth", "token_cli", "stroke_endpoints"}
 
 
 def write_certificate(folder: Path, name: str) -> None:

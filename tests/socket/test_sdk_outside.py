@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import linecache
 import warnings
 from collections.abc import Callable, Coroutine
 from pathlib import Path
@@ -14,7 +13,6 @@ import pytest
 from server.grid_scene import GridScene
 
 import terraport
-from terraport import sync
 from terraport.cli import app
 from terraport_server import BackgroundServer
 from terraport_store import Scene
@@ -66,32 +64,6 @@ def test_within_reach_nothing_is_said(server: BackgroundServer) -> None:
                 warnings.simplefilter("error")
                 for position in ((30.0, 1.0, 30.0), (-20.0, 1.0, 30.0)):
                     assert (await session.land(position, 60.0)).outside_m is None
-
-    run(work())
-
-
-def called_at(caught: pytest.WarningsRecorder) -> str:
-    """The line of code that the only warning points at."""
-    [warning] = caught
-    assert warning.filename == __file__
-    return linecache.getline(__file__, warning.lineno).strip()
-
-
-def test_without_asyncio(server: BackgroundServer) -> None:
-    with sync.connect(server.scene_url("grid")) as session:
-        with pytest.warns(terraport.OutsideSceneWarning) as caught:
-            landing = session.land((30.0, 1.0, -500.0))
-        assert landing.outside_m == pytest.approx(500.0)
-    assert called_at(caught) == "landing = session.land((30.0, 1.0, -500.0))"
-
-
-def test_a_task_of_its_own_is_warned_of_where_it_was_made(server: BackgroundServer) -> None:
-    async def work() -> None:
-        async with terraport.connect(server.scene_url("grid")) as session:
-            task = asyncio.create_task(session.land((1000.0, 0.0, 30.0), 60.0))
-            with pytest.warns(terraport.OutsideSceneWarning) as caught:
-                await task
-            assert called_at(caught).startswith("task = asyncio.create_task(")
 
     run(work())
 
