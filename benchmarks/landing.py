@@ -402,7 +402,6 @@ def main() -> None:
     parser.add_argument("--only", choices=MEASUREMENTS, help="one part")
     parser.add_argument("--source", default="file", choices=["file", "mmap"])
     parser.add_argument("--lowat", type=int, help="notsent_lowat_bytes; the default's is measured")
-    parser.add_argument("--burst", type=int, help="max_burst_bytes; the default's is measured")
     parser.add_argument("--pin", action="store_true", help="servers on one core, clients on others")
     arguments = parser.parse_args()
     size = replace(SMOKE if arguments.smoke else FULL, pin=arguments.pin)
@@ -410,8 +409,6 @@ def main() -> None:
     changed: dict[str, Any] = {"payload_source": arguments.source}
     if arguments.lowat is not None:
         changed["notsent_lowat_bytes"] = arguments.lowat
-    if arguments.burst is not None:
-        changed["max_burst_bytes"] = arguments.burst
     result: dict[str, Any] = {
         "machine": f"{platform.machine()}, {os.cpu_count()} cores, Linux {platform.release()}",
         "python": platform.python_version(),

@@ -13,10 +13,10 @@ from starlette.websockets import WebSocket
 
 from terraport_server.http.guard import AppGuard
 from terraport_server.http.scenes import add_routes
+from terraport_server.http.stream import stream
 from terraport_server.http.viewer import read_viewer, viewer_routes
 from terraport_server.service import Service
 from terraport_server.settings import Settings
-from terraport_server.stream.endpoint import stream
 from terraport_wire import PROTOCOL
 
 __all__ = ["create_app"]

@@ -5,18 +5,16 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections import Counter
 from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
 from terraport_server.auth.gate import Gate
 from terraport_server.auth.watch import AccessWatch
 from terraport_server.errors import PickTimeoutError
+from terraport_server.fair_queue import Account, PickQueue, PlanQueue
 from terraport_server.groups.hub import GroupHub
 from terraport_server.logging import OncePerMinute, log
 from terraport_server.metrics import Metrics
-from terraport_server.read_buffer import ReadBuffer
-from terraport_server.scenes.pick_queue import PickLine
 from terraport_server.scenes.picking import MeshCache, pick
 from terraport_server.scenes.registry import SceneRegistry
 from terraport_server.scenes.roots import root_of
@@ -26,18 +24,13 @@ from terraport_server.scenes.tileset import TilesetCache
 from terraport_server.session.interface import RunPick
 from terraport_server.session.rate_limit import RateLimit, RatesByName
 from terraport_server.settings import Settings
-from terraport_server.stream.client_turns import ClientTurns
-from terraport_server.stream.priced_queue import Account
-from terraport_server.stream.scheduler import Turns
-from terraport_server.stream.sender import LARGEST_BATCH_BYTES, Sender, SenderLimits
+from terraport_server.stream.limits import SessionCounts
+from terraport_server.stream.scheduler import SendScheduler
+from terraport_server.stream.sender import Sender, SenderLimits
 from terraport_store import OriginError
-from terraport_wire import MAX_CHUNK_BYTES, Hit
+from terraport_wire import Hit
 
-__all__ = ["LAST_SHARE", "METRIC_PAGES_PER_S", "Service", "server_name"]
-
-LAST_SHARE: Final = 8
-"""Of `max_sessions` the last eighth is for addresses that hold fewer than are left. Who lets one
-address have all, by `max_sessions_per_ip`, has no such part."""
+__all__ = ["METRIC_PAGES_PER_S", "Service", "server_name"]
 
 METRIC_PAGES_PER_S: Final = 10.0
 """Averaged over 10 s: a page that is no older than that is given out beyond it."""
@@ -66,7 +59,6 @@ class Service:
     """
 
     def __init__(self, settings: Settings) -> None:
-        # Invariant: the sum of _per_ip is the number of sessions.
         self.settings = settings
         self.gate = Gate.from_settings(settings)
         self.metrics = Metrics()
@@ -89,21 +81,19 @@ class Service:
         self.sender_limits = SenderLimits(
             max_message_bytes=settings.max_message_bytes,
             max_pending_actions=settings.max_pending_actions,
-            max_burst_bytes=settings.max_burst_bytes,
             close_timeout_s=settings.close_timeout_s,
         )
-        # What sessions share: groups, the page, turns on the loop and on the wire, threads.
+        # What sessions share: groups, the page, queues of plans, picks and payload.
         routing = settings.groups_served
         self.groups = None if routing == "none" else GroupHub(settings.group_limits(), routing)
         if self.groups is not None:
             groups = self.groups.groups
             self.metrics.groups.set_function(lambda: groups.group_count)
             self.metrics.group_members.set_function(lambda: groups.member_count)
-        self.turns = Turns()
-        self.client_turns = ClientTurns()
-        self.read_buffer = ReadBuffer(LARGEST_BATCH_BYTES + MAX_CHUNK_BYTES)
+        self.scheduler = SendScheduler()
+        self.plans = PlanQueue()
         self._cache = MeshCache(settings.pick_cache_bytes)
-        self._picks = PickLine[Hit | None](settings.pick_threads)
+        self._picks = PickQueue[Hit | None](settings.pick_threads)
         self.once = OncePerMinute()
         # Where the service is in its life, and who is served.
         self.ready = False
@@ -112,7 +102,7 @@ class Service:
         self._metric_pages = RateLimit(METRIC_PAGES_PER_S, now_s=time.monotonic())
         self._metric_page = b""
         self._senders: dict[Sender, ServedScene] = {}
-        self._per_ip: Counter[str] = Counter()
+        self.session_counts = SessionCounts(settings.max_sessions, settings.max_sessions_per_ip)
         self._tasks: list[asyncio.Task[None]] = []
 
     def render_metrics(self) -> bytes:
@@ -127,7 +117,7 @@ class Service:
     @property
     def session_count(self) -> int:
         """Sessions open now."""
-        return self._per_ip.total()
+        return len(self.session_counts)
 
     async def start(self) -> None:
         """Open the scenes and begin to watch them."""
@@ -171,35 +161,6 @@ class Service:
         # Threads read from the scenes: they end first, each within its own time bound.
         await asyncio.to_thread(self._picks.shutdown, wait=True)
         self.registry.close()
-
-    def admit(self, client_ip: str) -> str | None:
-        """Count a session in; return why not where there are too many."""
-        full = self.fullness(client_ip)
-        if full is None:
-            self._per_ip[client_ip] += 1
-        return full
-
-    def fullness(self, client_ip: str) -> str | None:
-        """Return why there is no room for a session of that client; None where there is."""
-        settings = self.settings
-        if self.session_count >= settings.max_sessions:
-            return f"got session {self.session_count + 1}, expected at most {settings.max_sessions}"
-        held, most = self._per_ip[client_ip], settings.max_sessions_per_ip
-        if held >= most:
-            return f"got session {most + 1} from one address, expected at most {most}"
-        # The last seats: ten addresses that take all they may would else leave none to others.
-        left = settings.max_sessions - self.session_count
-        are_last = most < settings.max_sessions and left <= settings.max_sessions // LAST_SHARE
-        if are_last and held >= left:
-            text = f"got session {held + 1} from one address where {left} are left"
-            return f"{text}, expected fewer than are left"
-        return None
-
-    def dismiss(self, client_ip: str) -> None:
-        """Undo :meth:`admit`: the session is over."""
-        self._per_ip[client_ip] -= 1
-        if self._per_ip[client_ip] <= 0:
-            del self._per_ip[client_ip]
 
     def note_refusal(self, reason: str, text: str, client_ip: str) -> None:
         """Count what was not let in; log the first of its kind per client and minute."""

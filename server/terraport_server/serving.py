@@ -24,7 +24,7 @@ from terraport_server.errors import ServerError, SettingsError
 from terraport_server.logging import configure_logging
 from terraport_server.service import Service
 from terraport_server.settings import Settings
-from terraport_server.transport import protocol_class
+from terraport_server.stream import connection
 
 __all__ = ["WORKER_OPTIONS", "connection_class", "host_in_url", "listen", "make_server", "run"]
 
@@ -115,11 +115,10 @@ def make_server(settings: Settings) -> tuple[uvicorn.Server, Service]:
     return uvicorn.Server(config), service
 
 
-def connection_class(service: Service) -> type[Any]:
+def connection_class(service: Service) -> type[connection.Connection]:
     """Return the class of a service's WebSocket connections, for uvicorn's ``ws`` option."""
     settings = service.settings
-    return protocol_class(
-        service.client_turns,
+    return connection.connection_class(
         notsent_lowat_bytes=settings.notsent_lowat_bytes,
         send_buffer_bytes=settings.send_buffer_bytes,
         congestion_control=settings.congestion_control,

@@ -181,14 +181,11 @@ class Settings(BaseSettings):
     http_stall_timeout_s: _Seconds = 30.0
     """How long a client may take no byte of an answer."""
 
-    max_burst_bytes: Annotated[int, Field(ge=1)] = 1 << 20
-    """Payload that one client is sent before others have their turn and the network is looked at.
-    """
     notsent_lowat_bytes: Annotated[int, Field(ge=0)] = 128 << 10
     """TCP_NOTSENT_LOWAT of client sockets, so that a supersede is not stuck behind megabytes; 0 =
     leave the system's."""
     send_buffer_bytes: Annotated[int, Field(ge=0)] = 0
-    """SO_SNDBUF of client sockets; 0 = fitted to the link while payload flows, see link_buffer."""
+    """SO_SNDBUF of client sockets; 0 = the system's."""
     congestion_control: Annotated[str, Field(pattern=r"^[a-z0-9_-]{1,15}$")] | None = None
     """TCP_CONGESTION of client sockets, such as "bbr" for lossy links; None = the system's."""
 

@@ -64,7 +64,14 @@ from terraport_store.packed_rtree import PackedRTree
 from terraport_store.painting import change_strokes, read_strokes, read_taught, write_taught
 from terraport_store.reader import Scene
 from terraport_store.regions import RegionNames
-from terraport_store.source import FileSource, MemorySource, MmapSource, PayloadRange, PayloadSource
+from terraport_store.source import (
+    FileSource,
+    MemorySource,
+    MmapSource,
+    PayloadRange,
+    PayloadSource,
+    read_cached,
+)
 from terraport_store.strokes import Stroke, Strokes
 from terraport_store.validate import Finding, validate_scene
 from terraport_store.writer import SceneWriter
@@ -128,6 +135,7 @@ __all__ = [
     "needing_obstore",
     "open_inside",
     "path_inside",
+    "read_cached",
     "read_labels",
     "read_manifest",
     "read_names",

@@ -381,6 +381,14 @@ class Scene:
         offset = int(self._indexes[encoding].offset[segment_id])
         return self._sources[encoding].held(offset + start, length)
 
+    def view(self, segment_id: int, encoding: str, start: int, length: int) -> memoryview | None:
+        """Return a part of a payload for a system call to read; None where that would wait.
+
+        Python must not read the bytes, see :meth:`PayloadSource.view`. Nothing is compared.
+        """
+        offset = int(self._indexes[encoding].offset[segment_id])
+        return self._sources[encoding].view(offset + start, length)
+
     def recall(self, segment_id: int, encoding: str) -> bool:
         """Bring a payload to hand if that takes no network, and tell whether it is.
 

@@ -24,7 +24,7 @@ from terraport_store.errors import CorruptPayloadError, OriginError, StoreError
 from terraport_store.index import SegmentIndex
 from terraport_store.origin import Origin
 from terraport_store.shelf import Shelf
-from terraport_store.source import PayloadRange, check_range
+from terraport_store.source import PayloadRange, check_range, read_cached
 
 __all__ = ["RemoteSource"]
 
@@ -149,6 +149,11 @@ class RemoteSource:
             return None
         start = offset - int(self._offsets[piece])
         return memoryview(data)[start : start + length]
+
+    def view(self, offset: int, length: int) -> memoryview | None:
+        """Return bytes from memory or the cache file; see :class:`PayloadSource`."""
+        where = self.file_range(offset, length)
+        return self.held(offset, length) if where is None else read_cached(where)
 
     def recall(self, offset: int, length: int) -> bool:
         """Open the payload's cache file, if there is one."""

@@ -5,11 +5,13 @@ Object storage is one more: :mod:`terraport_store.remote_source`.
 
 from __future__ import annotations
 
+import errno
 import mmap
 import os
 from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from terraport_store.errors import RangeError
 
@@ -21,7 +23,14 @@ __all__ = [
     "PayloadRange",
     "PayloadSource",
     "check_range",
+    "read_cached",
 ]
+
+_NOWAIT: Final = getattr(os, "RWF_NOWAIT", 0)
+"""Linux 4.14: fail instead of waiting for the disk. Elsewhere a read may wait."""
+
+_PROBE: Final = [bytearray(1)]
+"""Destination of reads that only find out whether a page is in memory."""
 
 
 class PayloadRange(NamedTuple):
@@ -80,6 +89,14 @@ class PayloadSource(Protocol):
 
     def held(self, offset: int, length: int) -> bytes | memoryview | None:
         """Return bytes that are in memory; ``None`` where they are not. Never waits."""
+        ...
+
+    def view(self, offset: int, length: int) -> memoryview | None:
+        """Return bytes for a system call to read (``writev``); None where that would wait.
+
+        Python must not read them: where the file was cut short that ends the process, while a
+        system call fails. Good until :meth:`close`.
+        """
         ...
 
     def recall(self, offset: int, length: int) -> bool:
@@ -170,8 +187,28 @@ class FileSource(LocalSource):
         check_range(offset, length, self._size)
         return PayloadRange(self._descriptor, offset, length)
 
+    @cached_property
+    def _mapped(self) -> memoryview:
+        # As long as the file is now: what a file cut short has lost is never asked for.
+        return memoryview(mmap.mmap(self._descriptor, 0, access=mmap.ACCESS_READ))
+
+    def view(self, offset: int, length: int) -> memoryview | None:
+        """Return a view of the mapped pack if its last page is in memory; see `PayloadSource`."""
+        check_range(offset, length, self._size)
+        try:
+            # Of a file cut short there is no last byte, and nothing is read.
+            if not os.preadv(self._descriptor, _PROBE, offset + length - 1, _NOWAIT):
+                return None
+        except BlockingIOError:
+            return None
+        except OSError as error:
+            if error.errno != errno.EOPNOTSUPP:  # the disk fails: whoever fetches is told why
+                return None
+        return self._mapped[offset : offset + length]
+
     def close(self) -> None:
-        """Close the descriptor; may be called again."""
+        """Close the descriptor; may be called again. A view in use keeps the map."""
+        self.__dict__.pop("_mapped", None)
         if self._descriptor >= 0:
             os.close(self._descriptor)
             self._descriptor = -1
@@ -200,6 +237,10 @@ class MemorySource(LocalSource):
         return self._view[offset : offset + length]
 
     def held(self, offset: int, length: int) -> memoryview:
+        """Return a view; see :class:`PayloadSource`."""
+        return self.read(offset, length)
+
+    def view(self, offset: int, length: int) -> memoryview:
         """Return a view; see :class:`PayloadSource`."""
         return self.read(offset, length)
 
@@ -237,6 +278,23 @@ class MmapSource(MemorySource):
             self._map.close()
         except BufferError:
             return  # a frame being sent still points here: the map goes with it
+
+
+def read_cached(where: PayloadRange, *, may_wait: bool = False) -> memoryview | None:
+    """Return the bytes of a range; None where they are not all in memory, or the file ends before.
+
+    Parameters
+    ----------
+    where
+    may_wait
+        Read whatever that takes.
+    """
+    room = memoryview(bytearray(where.length))
+    try:
+        got = os.preadv(where.descriptor, [room], where.offset, 0 if may_wait else _NOWAIT)
+    except OSError:
+        return None
+    return room if got == where.length else None
 
 
 def check_range(offset: int, length: int, size: int) -> None:

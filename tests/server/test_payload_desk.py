@@ -12,11 +12,11 @@ from typing import Any, Literal
 import pytest
 from server.grid_scene import GridScene, write_grid_scene
 
-from terraport_server.read_buffer import ReadBuffer
+from terraport_server.scenes import payload_reader
 from terraport_server.scenes.payload_reader import COMPARED_AT_ONCE
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.session.interface import SendChunk
-from terraport_store import CorruptPayloadError, PayloadRange, RangeError
+from terraport_store import CorruptPayloadError, RangeError
 
 
 @pytest.fixture(scope="module")
@@ -33,32 +33,28 @@ def whole(pit: GridScene, segment: int) -> SendChunk:
     return SendChunk(1, segment, 0, length, length, landing=True)
 
 
-def test_nothing_is_handed_out_before_it_was_checked(pit: GridScene) -> None:
+def ready(served: ServedScene, chunk: SendChunk, *, by_system_call: bool = True) -> bytes | None:
+    """Return a chunk that was compared before and is in memory."""
+    if not served.scene.is_verified(chunk.segment, "glb"):
+        return None
+    views, _ = served.desk.views([chunk], "glb", by_system_call=by_system_call)
+    return bytes(views[0]) if views else None
+
+
+@pytest.mark.parametrize("source", ["file", "mmap"])
+@pytest.mark.parametrize("by_system_call", [True, False])
+def test_a_part_of_a_segment_is_handed_out_once_it_was_checked(
+    pit: GridScene, source: Literal["file", "mmap"], by_system_call: bool
+) -> None:
     async def story() -> None:
-        served = opened(pit)
+        served = opened(pit, source)
         chunk = whole(pit, 3)
-        assert served.desk.chunk_data(chunk, "glb", as_file=True) is None
         await served.desk.fetch(chunk, "glb")
-        file_range = served.desk.chunk_data(chunk, "glb", as_file=True)
-        assert isinstance(file_range, PayloadRange)
-        assert (
-            os.pread(file_range.descriptor, file_range.length, file_range.offset) == pit.payloads[3]
-        )
+        assert ready(served, chunk, by_system_call=by_system_call) == pit.payloads[3]
         within = chunk._replace(offset=10, length=20)
-        assert served.desk.chunk_data(within, "glb", as_file=False) == pit.payloads[3][10:30]
+        assert ready(served, within, by_system_call=by_system_call) == pit.payloads[3][10:30]
         served.retire()
         assert served.closed
-
-    asyncio.run(story())
-
-
-def test_maps_are_handed_out_as_views(pit: GridScene) -> None:
-    async def story() -> None:
-        served = opened(pit, "mmap")
-        chunk = whole(pit, 0)._replace(offset=5, length=7)
-        await served.desk.fetch(chunk, "glb")
-        assert served.desk.chunk_data(chunk, "glb", as_file=True) == pit.payloads[0][5:12]
-        served.retire()
 
     asyncio.run(story())
 
@@ -104,20 +100,18 @@ def test_a_flipped_byte_is_found_at_first_and_after_distrust(tmp_path: Path) -> 
         served = opened(pit)
         chunk = whole(pit, 2)
         await served.desk.fetch(chunk, "glb")
-        file_range = served.desk.chunk_data(chunk, "glb", as_file=True)
-        assert isinstance(file_range, PayloadRange)
+        where = served.scene.payload_range(2, "glb", 0, 1)
+        assert where is not None
         pack = next(pit.path.glob("v-*/*.pack"))
         data = bytearray(pack.read_bytes())
-        data[file_range.offset + 9] ^= 1
+        data[where.offset + 9] ^= 1
         pack.write_bytes(data)
-        assert (
-            served.desk.chunk_data(chunk, "glb", as_file=True) is not None
-        )  # as checked, it was right
+        assert ready(served, chunk) is not None  # when it was checked, it was right
         served.desk.distrust(2)
-        assert served.desk.chunk_data(chunk, "glb", as_file=True) is None
+        assert ready(served, chunk) is None
         with pytest.raises(CorruptPayloadError, match="segment 2 has hash"):
             await served.desk.fetch(chunk, "glb")
-        assert served.desk.chunk_data(chunk, "glb", as_file=True) is None
+        assert ready(served, chunk) is None
         served.retire()
 
     asyncio.run(story())
@@ -151,7 +145,8 @@ def test_a_pack_cut_short_is_told(tmp_path: Path) -> None:
         await served.desk.fetch(chunk, "glb")
         pack = next(pit.path.glob("v-*/*.pack"))
         os.truncate(pack, pack.stat().st_size - len(pit.payloads[last]))
-        assert served.desk.chunk_data(chunk, "glb", as_file=False) is None
+        assert ready(served, chunk) is None
+        assert ready(served, chunk, by_system_call=False) is None
         with pytest.raises(RangeError):
             await served.desk.fetch(chunk, "glb")
         served.retire()
@@ -175,7 +170,7 @@ def test_what_follows_is_compared_together(pit: GridScene) -> None:
             count = len(pit.payloads)
             for segment in range(count):
                 chunk = whole(pit, segment)
-                if served.desk.chunk_data(chunk, "glb", as_file=True) is None:
+                if ready(served, chunk) is None:
                     await served.desk.fetch(chunk, "glb", range(segment + 1, count))
             assert readers.jobs == 2, "the first, and all others"
             served.retire()
@@ -195,21 +190,22 @@ def test_what_is_in_the_page_cache_waits_for_no_thread(tmp_path: Path) -> None:
         pit = write_grid_scene(tmp_path / "pit", cells=4)
         with NoThreads(1) as readers:
             served = ServedScene.open("pit", pit.path, "file", readers)
-            room, count = ReadBuffer(1 << 20), len(pit.payloads)
+            count = len(pit.payloads)
             assert count == COMPARED_AT_ONCE + 4
             chunks = [whole(pit, segment) for segment in range(count)]
-            payloads, compared = served.desk.payloads(chunks, "glb", room, as_file=True)
-            assert (len(payloads), compared) == (COMPARED_AT_ONCE, COMPARED_AT_ONCE)
-            payloads, compared = served.desk.payloads(chunks, "glb", room, as_file=True)
-            assert (len(payloads), compared) == (count, 4), "no segment is compared twice"
-            views = room.fill(payloads, fetched=False)
+            views, compared = served.desk.views(chunks, "glb", by_system_call=True)
+            assert (len(views), compared) == (COMPARED_AT_ONCE, COMPARED_AT_ONCE)
+            views, compared = served.desk.views(chunks, "glb", by_system_call=True)
+            assert (len(views), compared) == (count, 4), "no segment is compared twice"
             assert [bytes(view) for view in views] == list(pit.payloads)
             served.retire()
 
     asyncio.run(story())
 
 
-def test_nothing_wrong_or_too_long_is_handed_out_by_the_loop(tmp_path: Path) -> None:
+def test_nothing_wrong_or_too_long_is_handed_out_by_the_loop(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     async def story() -> None:
         pit = write_grid_scene(tmp_path / "pit", cells=4)
         served = opened(pit)
@@ -220,13 +216,13 @@ def test_nothing_wrong_or_too_long_is_handed_out_by_the_loop(tmp_path: Path) -> 
         data[where.offset + 9] ^= 1
         pack.write_bytes(data)
         chunks = [whole(pit, segment) for segment in range(4)]
-        payloads, _ = served.desk.payloads(chunks, "glb", ReadBuffer(1 << 20), as_file=True)
-        assert len(payloads) == 2
+        views, _ = served.desk.views(chunks, "glb", by_system_call=True)
+        assert len(views) == 2
         assert not served.scene.is_verified(2, "glb")
         with pytest.raises(CorruptPayloadError, match="segment 2 has hash"):
             await served.desk.fetch(chunks[2], "glb")
-        small = ReadBuffer(len(pit.payloads[3]) - 1)
-        assert served.desk.payloads(chunks[3:], "glb", small, as_file=True) == ([], 0)
+        monkeypatch.setattr(payload_reader, "LARGEST_COMPARED_BYTES", len(pit.payloads[3]) - 1)
+        assert served.desk.views(chunks[3:], "glb", by_system_call=True) == ([], 0)
         served.retire()
 
     asyncio.run(story())
@@ -246,8 +242,8 @@ def test_a_wrong_one_among_what_follows_fails_by_itself(tmp_path: Path) -> None:
             await served.desk.fetch(whole(pit, 0), "glb", (1, 2, 3))
             await served.desk.fetch(whole(pit, 3), "glb")
             for good in (0, 1, 3):
-                assert served.desk.chunk_data(whole(pit, good), "glb", as_file=True) is not None
-            assert served.desk.chunk_data(whole(pit, 2), "glb", as_file=True) is None
+                assert ready(served, whole(pit, good)) is not None
+            assert ready(served, whole(pit, 2)) is None
             with pytest.raises(CorruptPayloadError):
                 await served.desk.fetch(whole(pit, 2), "glb")
             served.retire()

@@ -16,7 +16,7 @@ from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient
 
 from terraport_server import BackgroundServer
-from terraport_wire import Land, Plan
+from terraport_wire import Land, Plan, Ready
 
 IDLE_S = 1.5
 CLOSE_S = 0.5
@@ -36,6 +36,11 @@ def server(folder: Path) -> Iterator[BackgroundServer]:
     with BackgroundServer(folder, idle_timeout_s=IDLE_S, close_timeout_s=CLOSE_S) as running:
         # With the first connection the loop opens a descriptor of its own, and keeps it.
         assert httpx.get(f"{running.url}/healthz").status_code == 200
+        # And with the first landing the pack is mapped.
+        with PlainClient(running.scene_url("pit")) as client:
+            client.hello()
+            client.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=20.0))
+            client.until(Ready)
         eventually(lambda: not running._server.server_state.connections)
         yield running
 

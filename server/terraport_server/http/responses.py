@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import re
 from collections.abc import AsyncIterator, Iterable, Mapping
@@ -16,7 +17,6 @@ from terraport_server.auth.gate import bearer_token
 from terraport_server.errors import AccessError
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.service import Service
-from terraport_server.stream.scheduler import Rank, Turns
 from terraport_store import open_inside, path_inside
 
 __all__ = [
@@ -29,7 +29,7 @@ __all__ = [
     "ServiceOfRequest",
     "bytes_response",
     "caching_headers",
-    "in_turns",
+    "in_pieces",
     "is_unchanged",
     "token_of",
 ]
@@ -220,32 +220,18 @@ def _one_range(method: str, values: list[str]) -> tuple[str, str] | None:
     return None if first and last and int(last) < int(first) else (first, last)
 
 
-async def in_turns(pieces: Iterable[bytes], turns: Turns) -> AsyncIterator[bytes]:
-    """Write a long answer as it is read, a piece at a time, without a copy of the whole.
-
-    Only one piece of all such answers is put together per event loop iteration.
-
-    Parameters
-    ----------
-    pieces
-        Made when they are asked for; put together until they have 64 KiB.
-    turns
-        Of all that is sent.
-    """
+async def in_pieces(pieces: Iterable[bytes]) -> AsyncIterator[bytes]:
+    """Join small pieces of a long response to 64 KiB each; the event loop runs in between."""
     gathered: list[bytes] = []
     size = 0
     for piece in pieces:
         gathered.append(piece)
         size += len(piece)
         if size >= _PIECE_BYTES:
-            await turns.take(Rank.LANDING, _nothing_yet)
             yield b"".join(gathered)
             gathered, size = [], 0
+            await asyncio.sleep(0)
     yield b"".join(gathered)
-
-
-def _nothing_yet() -> None:
-    """Be the turn: what is sent is sent by whoever waited for it."""
 
 
 def is_unchanged(request: Request, etag: str) -> bool:

@@ -33,7 +33,7 @@ from terraport_server.http.responses import (
     SceneOfRequest,
     ServiceOfRequest,
     caching_headers,
-    in_turns,
+    in_pieces,
     is_unchanged,
     token_of,
 )
@@ -80,7 +80,7 @@ async def list_scenes(
     service: ServiceOfRequest, token_pass: Annotated[TokenPass, Depends(_token_pass)]
 ) -> Response:
     """List every scene that the token opens, scenes being built, and links of the service."""
-    pieces = in_turns(_list_pieces(service, token_pass), service.turns)
+    pieces = in_pieces(_list_pieces(service, token_pass))
     return StreamingResponse(pieces, media_type="application/json")
 
 

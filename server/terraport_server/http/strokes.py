@@ -24,7 +24,7 @@ from terraport_server.http.responses import (
     CHECK,
     SceneOfRequest,
     ServiceOfRequest,
-    in_turns,
+    in_pieces,
     is_unchanged,
     token_of,
 )
@@ -115,7 +115,7 @@ async def get_strokes(
     }
     if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
-    pieces = in_turns(cached.response(painter.name), service.turns)
+    pieces = in_pieces(cached.response(painter.name))
     return StreamingResponse(pieces, media_type=_JSON, headers=headers)
 
 

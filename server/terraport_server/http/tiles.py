@@ -16,7 +16,7 @@ from terraport_server.http.responses import (
     SceneOfRequest,
     ServiceOfRequest,
     caching_headers,
-    in_turns,
+    in_pieces,
     is_unchanged,
 )
 from terraport_server.logging import log
@@ -48,7 +48,7 @@ async def get_tileset(
     }
     if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
-    pieces = in_turns(tiles.tileset.pieces(radius_m), service.turns)
+    pieces = in_pieces(tiles.tileset.pieces(radius_m))
     return StreamingResponse(pieces, media_type="application/json", headers=headers)
 
 

@@ -23,10 +23,9 @@ from typing import Any, Final
 
 from terraport_server.session.interface import SendChunk
 from terraport_server.session.rate_limit import RatesByName
-from terraport_server.read_buffer import ReadBuffer, read_cached
-from terraport_store import PayloadRange, RangeError, Scene, StoreError
+from terraport_store import RangeError, Scene, StoreError, read_cached
 
-__all__ = ["COMPARED_AT_ONCE", "DOUBTS_PER_S", "PayloadDesk"]
+__all__ = ["COMPARED_AT_ONCE", "DOUBTS_PER_S", "LARGEST_COMPARED_BYTES", "PayloadDesk"]
 
 DOUBTS_PER_S: Final = 2.0
 """Segments that one address may have compared again for everybody, averaged over 10 s: twenty at
@@ -34,6 +33,9 @@ once. A line or a cache that spoils more than that is the client's own."""
 
 COMPARED_AT_ONCE: Final = 32
 """Segments whose hash is compared on the event loop for one batch: .4 ms."""
+
+LARGEST_COMPARED_BYTES: Final = 1 << 20
+"""Longest segment that is compared on the event loop; others in a thread."""
 
 _AHEAD_BYTES: Final = 1 << 20
 """Of segments that were never sent: compared together, while one before them is on its way."""
@@ -78,62 +80,66 @@ class PayloadDesk:
         self._ahead: dict[tuple[str, int], asyncio.Future[None]] = {}
         self._doubters = RatesByName(DOUBTS_PER_S)
 
-    def chunk_data(
-        self, chunk: SendChunk, encoding: str, *, as_file: bool
-    ) -> PayloadRange | memoryview | None:
-        """Return the chunk's bytes, or where they lie; ``None`` where that would take a wait.
+    def views(
+        self,
+        chunks: Sequence[SendChunk],
+        encoding: str,
+        *,
+        by_system_call: bool,
+        fetched: SendChunk | None = None,
+    ) -> tuple[list[memoryview], int]:
+        """Return the bytes of some chunks, up to the first that would have to wait.
 
-        After ``None``, :meth:`fetch` the chunk and ask again.
+        Segments that were never sent and are in the page cache are compared with their hash first,
+        `COMPARED_AT_ONCE` at most.
 
         Parameters
         ----------
-        chunk
+        chunks
         encoding
-        as_file
-            Whether the caller reads by itself, and finds out whether that takes a wait; bytes are
-            returned otherwise.
-        """
-        scene, segment = self._scene, chunk.segment
-        if not scene.is_verified(segment, encoding):
-            return None
-        file_range = scene.payload_range(segment, encoding, chunk.offset, chunk.length)
-        if file_range is None:
-            data = scene.held(segment, encoding, chunk.offset, chunk.length)
-            return None if data is None else memoryview(data)
-        return file_range if as_file else read_cached(file_range)
-
-    def payloads(
-        self, chunks: Sequence[SendChunk], encoding: str, room: ReadBuffer, *, as_file: bool
-    ) -> tuple[list[PayloadRange | memoryview], int]:
-        """Return what :meth:`chunk_data` has of some chunks, up to the first that takes a wait.
-
-        Segments that were never sent and are in the page cache are compared first, through *room*,
-        `COMPARED_AT_ONCE` at most.
+        by_system_call
+            Whether only a system call reads the bytes: then they are not copied. See
+            :meth:`PayloadSource.view`.
+        fetched
+            Chunk that :meth:`fetch` just brought into memory: it is read whatever that takes, since
+            some file systems never say that they have it.
 
         Returns
         -------
-        payloads : list
+        views : list
         compared : int
-            How many segments were.
+            Segments that were compared.
         """
-        payloads: list[PayloadRange | memoryview] = []
+        scene = self._scene
+        views: list[memoryview] = []
         compared = 0
         for chunk in chunks:
-            if not self._scene.is_verified(chunk.segment, encoding):
-                if compared == COMPARED_AT_ONCE or not self._compare(chunk, encoding, room):
+            _, segment, offset, length, total, _ = chunk
+            if not scene.is_verified(segment, encoding):
+                if compared == COMPARED_AT_ONCE or not self._compare(segment, encoding, total):
                     break
                 compared += 1
-            payload = self.chunk_data(chunk, encoding, as_file=as_file)
-            if payload is None:
+            view = scene.view(segment, encoding, offset, length) if by_system_call else None
+            if view is None and (chunk == fetched or not by_system_call):
+                view = self._copy(chunk, encoding, may_wait=chunk == fetched)
+            if view is None:
                 break
-            payloads.append(payload)
-        return payloads, compared
+            views.append(view)
+        return views, compared
 
-    def _compare(self, chunk: SendChunk, encoding: str, room: ReadBuffer) -> bool:
-        """Compare a segment that is at hand; what is wrong, a thread finds, and tells."""
-        where = self._scene.payload_range(chunk.segment, encoding, 0, chunk.total)
-        data = None if where is None else room.at_hand(where)
-        return data is not None and self._scene.compare(chunk.segment, encoding, data)
+    def _copy(self, chunk: SendChunk, encoding: str, *, may_wait: bool) -> memoryview | None:
+        part = (chunk.segment, encoding, chunk.offset, chunk.length)
+        where = self._scene.payload_range(*part)
+        if where is not None:
+            return read_cached(where, may_wait=may_wait)
+        data = self._scene.held(*part)
+        return None if data is None else memoryview(data)
+
+    def _compare(self, segment: int, encoding: str, total: int) -> bool:
+        """Compare a segment that is in memory; if it is wrong, :meth:`fetch` reports it."""
+        where = self._scene.payload_range(segment, encoding, 0, total)
+        data = None if where is None or total > LARGEST_COMPARED_BYTES else read_cached(where)
+        return data is not None and self._scene.compare(segment, encoding, data)
 
     async def fetch(self, chunk: SendChunk, encoding: str, following: Sequence[int] = ()) -> None:
         """Bring the chunk's bytes into memory, and compare the segment's hash unless that was done.

@@ -19,8 +19,8 @@ from terraport_payload.texture import gpu_texture_bytes
 from terraport_server.session.interface import PullView, SceneView
 from terraport_server.descriptors import is_shortage
 from terraport_server.logging import SomePerMinute, log
+from terraport_server.fair_queue import PickQueue
 from terraport_server.scenes.payload_reader import PayloadDesk
-from terraport_server.scenes.pick_queue import PickLine
 from terraport_server.session.interface import SegmentTable
 from terraport_store import (
     RegionNames,
@@ -86,11 +86,11 @@ class ServedScene:
         # Reads that may wait for a network have threads of this scene alone.
         self.fetchers: Executor | None = None
         """Threads that may wait for object storage; None = the scene is on this machine."""
-        self.pickers: PickLine[Hit | None] | None = None
-        """The line of its picks; None = the service's."""
+        self.pickers: PickQueue[Hit | None] | None = None
+        """Queue of its picks; None = the service's."""
         if fetch_threads:
             self.fetchers = ThreadPoolExecutor(fetch_threads, thread_name_prefix="fetch")
-            self.pickers = PickLine(1)
+            self.pickers = PickQueue(1)
         self.desk = PayloadDesk(
             scene,
             readers,

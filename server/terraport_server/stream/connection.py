@@ -53,8 +53,9 @@ FRAMES_PER_MESSAGE: Final = 20
 _MAX_WAITING: Final = 4
 """Messages that wait for the application; with more, the socket is not read."""
 
-_SLICE_BYTES: Final = 4 << 10
-"""Bytes parsed at once: limits are checked between slices, and 4 KiB hold at most 680 frames."""
+_LEAST_SLICE_BYTES: Final = 512
+_MOST_SLICE_BYTES: Final = 64 << 10
+"""Bytes parsed at once: the least hold at most 85 frames; limits are checked in between."""
 
 _MAX_LATE_BYTES: Final = 1 << 20
 """Bytes read after our close frame while waiting for the client's."""
@@ -99,6 +100,11 @@ class Connection(asyncio.Protocol):
         self._is_text = False
         self._events: list[dict[str, Any]] = []
         self._reader: asyncio.Future[None] | None = None
+        self._deliver: Callable[[dict[str, Any]], bool] | None = None
+        self._is_held = False
+        """Whether the sender takes no message now."""
+        self._slice_bytes = _LEAST_SLICE_BYTES
+        self._parses_later = False
         self._is_reading = True
         self._pongs = b""
         self._first_frames = 0
@@ -165,7 +171,7 @@ class Connection(asyncio.Protocol):
         if self.on_shutdown is not None and not self.writer.closing:
             self.on_shutdown()
         else:
-            self._close(1012, "")
+            self.close(1012, "")
 
     # Called by the endpoint and the sender.
 
@@ -174,9 +180,40 @@ class Connection(asyncio.Protocol):
         self._frame_rate = RateLimit(self.max_frames_per_s, now_s=self.heard_s)
         self._protocol.max_message_size = self._config.ws_max_size
 
+    def deliver_to(self, call: Callable[[dict[str, Any]], bool] | None) -> None:
+        """Call for each ASGI event from now on, instead of :meth:`receive`.
+
+        It returns whether another message may come; if not, call :meth:`read_on` later.
+        """
+        self._deliver = call
+        events, self._events = self._events, []
+        for event in events:
+            self._add_event(event)
+        self._parse()
+
+    def read_on(self) -> None:
+        """Let messages come again."""
+        if self._is_held:
+            self._is_held = False
+            self._parse_later()
+
     def close_within(self, seconds: float) -> None:
         """Shorten the time that the client may take to answer a close frame."""
         self.close_timeout_s = min(self.close_timeout_s, seconds)
+
+    def close(self, code: int, reason: str) -> None:
+        """Send a close frame, and wait for the client's until the close timeout."""
+        if self.writer.closing or self.writer.lost:
+            return
+        self._add_event({"type": "websocket.disconnect", "code": code, "reason": reason})
+        if self._protocol.state is not State.OPEN:
+            self._end()
+            return
+        self._protocol.send_close(code, reason)
+        self._flush()
+        self.writer.closing = True
+        self._close_timer = self._loop.call_later(self.close_timeout_s, self.abort)
+        self._parse_later()
 
     def abort(self) -> None:
         """Drop the connection and everything buffered."""
@@ -186,10 +223,14 @@ class Connection(asyncio.Protocol):
 
     def _parse(self) -> None:
         while self._unparsed and self._may_parse():
-            piece = bytes(self._unparsed[:_SLICE_BYTES])
-            del self._unparsed[:_SLICE_BYTES]
+            piece = bytes(self._unparsed[: self._slice_bytes])
+            del self._unparsed[: self._slice_bytes]
             self._protocol.receive_data(piece)
-            for event in self._protocol.events_received():
+            events = self._protocol.events_received()
+            self._slice_bytes = min(2 * self._slice_bytes, _MOST_SLICE_BYTES)
+            if events:
+                self._slice_bytes = _LEAST_SLICE_BYTES
+            for event in events:
                 if isinstance(event, Request):
                     self._begin(event)
                 elif isinstance(event, Frame):
@@ -197,6 +238,9 @@ class Connection(asyncio.Protocol):
             if self._protocol.parser_exc is not None or self._protocol.handshake_exc is not None:
                 self._end()
                 return
+            if events and self._unparsed:  # others first
+                self._parse_later()
+                break
         should_read = not self._unparsed
         if should_read != self._is_reading and not self._transport.is_closing():
             self._is_reading = should_read
@@ -205,10 +249,20 @@ class Connection(asyncio.Protocol):
             else:
                 self._transport.pause_reading()
 
+    def _parse_later(self) -> None:
+        if not self._parses_later:
+            self._parses_later = True
+            self._loop.call_soon(self._parse_now)
+
+    def _parse_now(self) -> None:
+        self._parses_later = False
+        if not self.writer.lost:
+            self._parse()
+
     def _may_parse(self) -> bool:
         if not self.writer.closing:
-            return len(self._events) < _MAX_WAITING
-        self._late_bytes += _SLICE_BYTES
+            return not self._is_held and len(self._events) < _MAX_WAITING
+        self._late_bytes += self._slice_bytes
         return self._late_bytes <= _MAX_LATE_BYTES
 
     def _on_frame(self, frame: Frame) -> None:
@@ -235,7 +289,7 @@ class Connection(asyncio.Protocol):
         try:
             self._add_event({"type": "websocket.receive", "text": data.decode()})
         except UnicodeDecodeError:
-            self._close(1007, "got text that is not UTF-8")
+            self.close(1007, "got text that is not UTF-8")
 
     def _send_pongs(self, pongs: bytes) -> None:
         """Answer pings; of many that wait for room only the newest are answered."""
@@ -255,7 +309,7 @@ class Connection(asyncio.Protocol):
         else:
             is_allowed = self._frame_rate.take(self.heard_s)
         if not is_allowed:
-            self._close(4429, "too_many")
+            self.close(4429, "too_many")
         return is_allowed
 
     def _ping(self) -> None:
@@ -271,20 +325,6 @@ class Connection(asyncio.Protocol):
         """Send what the library has to send."""
         self.writer.append(b"".join(self._protocol.data_to_send()))
         self.writer.flush()
-
-    def _close(self, code: int, reason: str) -> None:
-        """Send a close frame, and wait for the client's until the close timeout."""
-        if self.writer.closing or self.writer.lost:
-            return
-        self._add_event({"type": "websocket.disconnect", "code": code, "reason": reason})
-        if self._protocol.state is not State.OPEN:
-            self._end()
-            return
-        self._protocol.send_close(code, reason)
-        self._flush()
-        self.writer.closing = True
-        self._close_timer = self._loop.call_later(self.close_timeout_s, self.abort)
-        self._parse()
 
     def _end(self) -> None:
         """End the connection after what the library has to send last."""
@@ -345,7 +385,7 @@ class Connection(asyncio.Protocol):
             _LOGGER.exception("WebSocket application failed")
         if self._response is not None and not self.writer.closing:
             self._respond(self._protocol.reject(HTTPStatus.INTERNAL_SERVER_ERROR, ""))
-        self._close(1011, "")
+        self.close(1011, "")
 
     async def receive(self) -> dict[str, Any]:
         """Return the next ASGI event; called by one task at a time."""
@@ -372,7 +412,7 @@ class Connection(asyncio.Protocol):
         elif kind == "websocket.close" and response is not None:
             self._respond(self._protocol.reject(HTTPStatus.FORBIDDEN, ""))
         elif kind == "websocket.close":
-            self._close(message.get("code", 1000), message.get("reason") or "")
+            self.close(message.get("code", 1000), message.get("reason") or "")
         elif kind == "websocket.send" and message.get("bytes") is not None:
             self._protocol.send_binary(message["bytes"])
             self._flush()
@@ -405,6 +445,9 @@ class Connection(asyncio.Protocol):
         self._end()
 
     def _add_event(self, event: dict[str, Any]) -> None:
+        if self._deliver is not None:
+            self._is_held = not self._deliver(event)
+            return
         self._events.append(event)
         if self._reader is not None and not self._reader.done():
             self._reader.set_result(None)

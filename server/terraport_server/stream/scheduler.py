@@ -1,10 +1,8 @@
-"""Whose payload goes next: one burst at a time, new landings first.
+"""Order in which clients send payload: new landings first, then landings, then aims.
 
-Sockets take payload faster than clients ask for it, so without an order the first client to be
-served would be served whole, and a landing that came a moment later would wait behind it. Here
-every client that has something to send asks for a turn. One turn is one burst of bounded size;
-between two of them the event loop looks at the network once, so that a new landing is seen within
-one burst of whatever is under way.
+Sockets take payload faster than clients ask for it. Every client that has something to send asks
+for a turn of bounded size; turns of at most `STEP_BYTES` run in one iteration of the event loop, so
+a new landing is seen after at most that much payload of others.
 """
 
 from __future__ import annotations
@@ -13,46 +11,50 @@ import asyncio
 from collections import deque
 from collections.abc import Callable
 from enum import IntEnum
-from functools import partial
-from typing import Final, NamedTuple
+from typing import Final
 
-__all__ = ["Pause", "Rank", "Turns", "rank_of"]
+__all__ = ["STEP_BYTES", "TURN_BYTES", "Burst", "Rank", "SendScheduler", "rank_of"]
 
-_FIRST_IN_A_ROW: Final = 8
-"""Turns of new landings before another landing gets one: landing anew all the time starves nobody.
+STEP_BYTES: Final = 1 << 20
+"""Payload of all clients in one iteration of the event loop."""
+
+TURN_BYTES: Final = 512 << 10
+"""Payload of one client before others have their turn."""
+
+_LEAST_TURN_BYTES: Final = 16 << 10
+"""Bytes that any turn counts as: its cost hardly depends on what it carries."""
+
+_NEW_LANDINGS_IN_A_ROW: Final = 8
+"""Turns of new landings before another landing gets one, so that repeated landing starves nobody.
 """
 
 _NEW_LANDING_BYTES: Final = 1 << 20
-"""So much of a landing goes before what is left of others'."""
-
-_LEAST_FIRST_BYTES: Final = 16 << 10
-"""Of what goes first: a turn costs nearly the same whatever it carries, and whoever grants credit
-by the byte would otherwise take one ahead of everybody for each of them."""
+"""Bytes of a landing that go before the rest of other landings."""
 
 
 class Rank(IntEnum):
-    """What a turn is asked for."""
+    """Priority of a turn; lower goes first."""
 
     NEW_LANDING = 0
-    """The first bytes of a landing, which somebody waits for in the dark."""
+    """First bytes of a landing, while the client's view is dark."""
     LANDING = 1
     AIM = 2
-    """May come to nothing: goes when no landing could use the turn."""
+    """May turn out useless: sent when no landing could use the turn."""
 
 
 def rank_of(*, landing: bool, sent_bytes: int, next_bytes: int, rest_bytes: int) -> Rank:
-    """Tell what a turn for payload is worth.
+    """Return the priority of payload.
 
     Parameters
     ----------
     landing : bool
-        Whether it is a landing's; an aim's otherwise.
+        Whether it belongs to a landing, not to an aim.
     sent_bytes : int
         Payload of the landing that was sent already.
     next_bytes : int
-        What the client's credit lets go of the segment now, at most a chunk.
+        Bytes of the segment that the client's credit allows now, at most a chunk.
     rest_bytes : int
-        What is left of the segment.
+        Unsent bytes of the segment.
 
     Examples
     --------
@@ -63,108 +65,57 @@ def rank_of(*, landing: bool, sent_bytes: int, next_bytes: int, rest_bytes: int)
     """
     if not landing:
         return Rank.AIM
-    is_worth_it = next_bytes >= min(_LEAST_FIRST_BYTES, rest_bytes)
-    if sent_bytes < _NEW_LANDING_BYTES and is_worth_it:
-        return Rank.NEW_LANDING
-    return Rank.LANDING
+    # Credit granted byte by byte would otherwise take a turn before everybody else for each byte.
+    is_large = next_bytes >= min(_LEAST_TURN_BYTES, rest_bytes)
+    return Rank.NEW_LANDING if sent_bytes < _NEW_LANDING_BYTES and is_large else Rank.LANDING
 
 
-class Pause(NamedTuple):
-    """Why a turn ends before its end: the socket is full."""
-
-    rank: Rank
-    """Of what is left."""
-    until: Callable[[Callable[[], None]], None]
-    """Calls back, once, when there is room or the connection is over."""
+Burst = Callable[[], tuple[int, Rank | None]]
+"""Sends up to `TURN_BYTES` without waiting; returns the bytes sent and the rank of what could be
+sent at once, None where that is nothing. It handles its own exceptions."""
 
 
-Burst = Callable[[], Rank | Pause | None]
-"""Sends a bounded amount without waiting; returns the rank of what is left, ``None`` where there is
-nothing to send."""
-
-
-_Entry = tuple[asyncio.Future[None], Burst]
-
-
-class Turns:
-    """Gives the senders of one event loop their turns."""
+class SendScheduler:
+    """Runs the bursts of all clients of one event loop."""
 
     def __init__(self) -> None:
-        self._waiting: tuple[deque[_Entry], ...] = tuple(deque() for _ in Rank)
-        self._running = False
+        self._waiting: tuple[deque[Burst], ...] = tuple(deque() for _ in Rank)
+        self._is_scheduled = False
+        self._left_bytes = STEP_BYTES
+        """Payload that may be sent before the event loop looks at the network again."""
         self._new_in_a_row = 0
 
-    def __len__(self) -> int:
-        """Return how many senders wait."""
-        return sum(len(queue) for queue in self._waiting)
-
-    @property
-    def is_busy(self) -> bool:
-        """Whether :meth:`take` waits before it sends."""
-        return self._running
-
-    async def take(self, rank: Rank, burst: Burst) -> None:
-        """Send by *burst*, turn by turn, until it returns ``None``.
-
-        A burst that pauses goes on when it is called back: in that very step where nobody has a
-        turn, so that a socket that fills a dozen times in a landing costs no steps of the event
-        loop beside those in which it is empty.
-
-        Cancelling it gives the place up.
-
-        Raises
-        ------
-        Exception
-            Whatever *burst* raises.
-        """
-        done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        self._ask(rank, (done, burst))
-        if done.done():  # without a step of the loop
-            done.result()
+    def ask(self, rank: Rank, burst: Burst) -> None:
+        """Run a burst, at once where nobody waits, and again as long as something is left."""
+        if self._is_scheduled or self._left_bytes <= 0:
+            self._waiting[rank].append(burst)
         else:
-            await done
+            self._send(burst)
+        self._schedule()
 
-    def _ask(self, rank: Rank, entry: _Entry) -> None:
-        if self._running:
-            self._waiting[rank].append(entry)
-        elif not entry[0].done():
-            # Nobody waits: no need to go round the loop first.
-            self._running = True
-            asyncio.get_running_loop().call_soon(self._turn)
-            self._send(entry)
+    def _schedule(self) -> None:
+        if not self._is_scheduled and any(self._waiting):
+            self._is_scheduled = True
+            asyncio.get_running_loop().call_soon(self._step)
 
-    def _turn(self) -> None:
-        entry = self._next()
-        if entry is None:
-            self._running = False
-            return
-        self._send(entry)
-        asyncio.get_running_loop().call_soon(self._turn)
+    def _step(self) -> None:
+        self._left_bytes = STEP_BYTES
+        while self._left_bytes > 0 and (burst := self._next()) is not None:
+            self._send(burst)
+        self._is_scheduled = False
+        self._schedule()
 
-    def _send(self, entry: _Entry) -> None:
-        done, burst = entry
-        try:
-            left = burst()
-        except Exception as error:  # noqa: BLE001 - handed to who asked for the turn
-            done.set_exception(error)
-            return
-        if left is None:
-            done.set_result(None)
-        elif isinstance(left, Pause):
-            left.until(partial(self._ask, left.rank, entry))
-        else:
-            self._waiting[left].append(entry)
+    def _send(self, burst: Burst) -> None:
+        sent_bytes, rest = burst()
+        self._left_bytes -= max(sent_bytes, _LEAST_TURN_BYTES)
+        if rest is not None:
+            self._waiting[rest].append(burst)
 
-    def _next(self) -> _Entry | None:
-        """Take the next entry whose sender still waits."""
+    def _next(self) -> Burst | None:
         new, old, aims = self._waiting
-        while new or old or aims:
-            if new and (self._new_in_a_row < _FIRST_IN_A_ROW or not old):
-                self._new_in_a_row += 1
-                entry = new.popleft()
-            else:
-                self._new_in_a_row = 0
-                entry = (old or aims).popleft()
-            if not entry[0].done():
-                return entry
-        return None
+        if new and (self._new_in_a_row < _NEW_LANDINGS_IN_A_ROW or not old):
+            self._new_in_a_row += 1
+            return new.popleft()
+        self._new_in_a_row = 0
+        queue = old or aims
+        return queue.popleft() if queue else None

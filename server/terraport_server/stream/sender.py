@@ -1,14 +1,13 @@
-"""Carries out one session over one WebSocket: the only place where it meets the network.
+"""Carries out one session over one connection: messages in, plans, picks, messages and payload out.
 
-Two tasks per client, owned by :meth:`Sender.run`, and a clock: one reads messages into the session,
-one carries out what the session wants. Memory per client is bounded: one frame and 64 KiB of
-messages in the transport, ``max_pending_actions`` messages, and what uvicorn holds of one incoming
-message. Payload goes from the page cache through one buffer for all to the socket.
+There is no task per client but the one that waits for the end. The connection calls
+:meth:`Sender.receive` for each message; :meth:`Sender.pump` carries out what the session wants
+until it has to wait: for its turn to plan, for its turn to send, for room in the socket, or for
+payload that is not in memory. Whatever was waited for calls it again.
 
-A slow client costs itself only: its frames wait in its own task, nothing is planned for it until it
-has taken what it was sent, and a newer landing replaces what was not sent yet.
-
-Times come from ``time.monotonic``; the loop's own are those of its last step, in milliseconds.
+Memory per client is bounded: one frame and 64 KiB of messages in the writer, and
+``max_pending_actions`` messages. A slow client costs itself only: nothing is planned for it until
+it has taken what it was sent, and a newer landing replaces what was not sent yet.
 """
 
 from __future__ import annotations
@@ -18,25 +17,19 @@ import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from time import monotonic, thread_time
-from typing import Final
+from typing import Any, Final
 
-from starlette.websockets import WebSocket, WebSocketDisconnect
-
+from terraport_server.fair_queue import Account, PlanQueue
 from terraport_server.metrics import Metrics
-from terraport_server.peer_limits import REFUSED_CLOSE_S
-from terraport_server.read_buffer import ReadBuffer
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.session.interface import Close, MakePlan, RunPick, SendChunk, SendMessage
 from terraport_server.session.session import Session
-from terraport_server.stream.client_turns import ClientTurns
-from terraport_server.stream.pick_tasks import PickTasks
-from terraport_server.stream.priced_queue import Account
-from terraport_server.stream.scheduler import Pause, Rank, Turns, rank_of
-from terraport_server.stream.session_clock import SessionClock
-from terraport_server.stream.signals import Signal
-from terraport_server.transport import MAX_FRAMES, connection_of
+from terraport_server.stream.connection import REFUSED_CLOSE_S, Connection
+from terraport_server.stream.frame_writer import MAX_FRAMES, message_header
+from terraport_server.stream.scheduler import TURN_BYTES, Rank, SendScheduler, rank_of
 from terraport_store import CorruptPayloadError, StoreError
 from terraport_wire import (
+    HEADER_BYTES,
     MAX_CHUNK_BYTES,
     DecodeError,
     Direction,
@@ -48,147 +41,159 @@ from terraport_wire import (
     frame_header,
 )
 
-__all__ = ["LARGEST_BATCH_BYTES", "Sender", "SenderLimits"]
-
-LARGEST_BATCH_BYTES: Final = 4 * MAX_CHUNK_BYTES
-"""Of payload in one call, and less than a chunk: still in the processor's cache when it is sent."""
+__all__ = ["Sender", "SenderLimits"]
 
 _COMPARED_AS_BYTES: Final = 16 << 10
-"""Of a turn: as many bytes are sent while one segment is compared that was never sent."""
+"""Bytes of a turn that comparing one segment with its hash counts as."""
 
-_ALL_TOLD: Final = 1 << 62
-"""Bytes ahead of a landing whose every segment the desk has heard of."""
+_EVERYTHING_AHEAD: Final = 1 << 62
+"""Bytes announced to the payload reader once it knows of the whole landing."""
 
-_MOST_AHEAD: Final = 512
-"""Segments that are looked at for fetching ahead; their bytes are bounded by the desk."""
+_MAX_ANNOUNCED: Final = 512
+"""Segments that are announced to the payload reader at once."""
+
+_SHORTEST_TICK_S: Final = 0.002
 
 PickRunner = Callable[[ServedScene, RunPick, Account], Awaitable[Hit | None]]
 
 
 @dataclass(frozen=True, slots=True)
 class SenderLimits:
-    """Bounds of one sender; each is the setting of its name."""
+    """Limits of one sender; each is the setting of its name."""
 
     max_message_bytes: int
     max_pending_actions: int
-    max_burst_bytes: int
     close_timeout_s: float
 
 
 class Sender:
-    """One client's connection.
+    """One client.
 
     Parameters
     ----------
-    websocket
+    connection
         Accepted.
     session
         The state machine.
     served
-        The scene; held by the caller while this runs.
+        The scene; the caller holds it while :meth:`run` runs.
     limits
-        Bounds.
     metrics
-        Counters.
-    turns, client_turns
-        Shared with the other senders of the process.
-    read_buffer
-        Shared with the other senders of the event loop.
+    scheduler, plans
+        Shared by all senders of the event loop.
     run_pick
-        Answers picks.
+        Answers a pick.
     """
 
     def __init__(
         self,
-        websocket: WebSocket,
+        connection: Connection,
         session: Session,
         served: ServedScene,
         *,
         limits: SenderLimits,
         metrics: Metrics,
-        turns: Turns,
-        client_turns: ClientTurns,
-        read_buffer: ReadBuffer,
+        scheduler: SendScheduler,
+        plans: PlanQueue,
         run_pick: PickRunner,
     ) -> None:
         self.session = session
-        self._websocket = websocket
+        self.account = Account()
+        """CPU time of the client; replaced once it is authenticated."""
+        self._connection = connection
+        self._writer = connection.writer
         self._served = served
         self._limits = limits
         self._metrics = metrics
-        self._turns = turns
-        self._client_turns = client_turns
-        self._read_buffer = read_buffer
-        self._batch_bytes = MAX_CHUNK_BYTES
-        """What the next batch may have: grows while the socket takes all."""
-        self._connection = connection_of(websocket.scope)
-        self._account = Account() if self._connection is None else self._connection.account
-        self._wake = Signal()
-        self._room = Signal()
-        self._clock = SessionClock(
-            session, self._connection, limits.close_timeout_s, self._wake.set
-        )
-        line = Account()
-        self._picks = PickTasks(
-            session,
-            metrics,
-            lambda action: run_pick(served, action, line),
-            self._wake.set,
-            lambda error: served.tell_failure("pick failed", None, error, level=logging.WARNING),
-        )
+        self._scheduler = scheduler
+        self._plans = plans
+        self._run_pick = run_pick
+        self._loop = asyncio.get_running_loop()
+        self._over: asyncio.Future[None] = self._loop.create_future()
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._is_pumping = False
+        self._is_waiting = False
+        """Whether something that was asked for will call :meth:`pump`."""
+        self._is_woken = False
+        self._timer: asyncio.TimerHandle | None = None
+        self._timer_due_s = 0.0
+        self._is_closing = False
+        self._batch_bytes = 2 * MAX_CHUNK_BYTES
+        """Payload of the next ``writev``: twice what the socket took last."""
         self._fetched: SendChunk | None = None
-        """What was fetched last."""
+        """Chunk that was brought into memory last."""
         self._failed: int | None = None
-        """Segment that could not be fetched; told to the session when it asks for it again."""
-        self._ahead_generation = -1
-        self._ahead_bytes = 0
-        """What the desk was told of and was not sent yet."""
-        self._absent: SendChunk | None = None
-        """What has to be fetched before it can be sent."""
-        self._under_way = SendChunk(-1, 0, 0, 0, 0, landing=False)
-        """What was sent last."""
+        """Segment that could not be read; reported when the session asks for it again."""
+        self._announced_generation = -1
+        self._announced_bytes = 0
+        """Payload announced to the reader and not sent yet."""
+        self._generation = -1
+        """Of the payload that was sent last."""
         self._generation_bytes = 0
-        """Payload bytes sent for its generation."""
 
     async def run(self) -> None:
-        """Serve until the connection is over; returns also when the client vanishes.
+        """Serve until the connection or the session is over.
 
-        Cancelling it drops the connection. Nothing it started outlives it.
+        Raises
+        ------
+        Exception
+            A fault of ours.
         """
-        tasks = {asyncio.create_task(self._read()), asyncio.create_task(self._act())}
-        self._clock.look()
+        self._set_timer()
+        self._connection.deliver_to(self.receive)
         try:
-            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-            for task in done:
-                task.result()
-        except WebSocketDisconnect:
-            pass
+            await self._over
         finally:
-            for task in tasks | self._picks.tasks:
+            self._connection.deliver_to(None)
+            if self._timer is not None:
+                self._timer.cancel()
+            for task in self._tasks:
                 task.cancel()
-            await asyncio.gather(*tasks, *self._picks.tasks, return_exceptions=True)
-            self._clock.stop()
+            await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def wake(self) -> None:
-        """Look at the session again: something was told to it from outside."""
-        self._wake.set()
-        self._clock.look()
+        """Look at the session again, in the next loop iteration: it was called from outside."""
+        if not (self._is_woken or self._over.done()):
+            self._is_woken = True
+            self._loop.call_soon(self._on_woken)
 
-    async def _read(self) -> None:
-        while True:
-            event = await self._websocket.receive()
-            if event["type"] == "websocket.disconnect":
-                return
-            if self.session.closing:
-                continue  # it was answered for good: nothing more of it is looked at
-            text = event.get("text")
-            self._take(event["bytes"] if text is None else text)
-            while self.session.pending >= self._limits.max_pending_actions:
-                self._room.clear()
-                await self._room.wait()
-
-    def _take(self, data: bytes | str) -> None:
+    def receive(self, event: dict[str, Any]) -> bool:
+        """Handle a message, or the end of the connection; return whether more may come now."""
+        if event["type"] == "websocket.disconnect":
+            self._end()
+            return True
+        if self.session.closing or self._over.done():
+            return True
+        text = event.get("text")
         now_s, began_s = monotonic(), thread_time()
+        try:
+            self._take(event["bytes"] if text is None else text, now_s)
+        except Exception as error:  # noqa: BLE001 - ends the session
+            self._end(error)
+        self._plans.charge(self.account, began_s)
+        self.pump()
+        self._set_timer()
+        return self._has_room
+
+    def pump(self) -> None:
+        """Carry out what the session wants, until it has to wait for something."""
+        if self._is_pumping:
+            return
+        self._is_pumping = True
+        try:
+            while not (self._is_waiting or self._over.done()) and self._do_next():
+                pass
+        except Exception as error:  # noqa: BLE001 - ends the session
+            self._end(error)
+        self._is_pumping = False
+        if not self._over.done() and self._has_room:
+            self._connection.read_on()
+
+    @property
+    def _has_room(self) -> bool:
+        return self.session.pending < self._limits.max_pending_actions
+
+    def _take(self, data: bytes | str, now_s: float) -> None:
         try:
             most_bytes = self._limits.max_message_bytes
             message = decode(data, Direction.CLIENT_TO_SERVER, max_bytes=most_bytes)
@@ -196,144 +201,97 @@ class Sender:
             self.session.refuse(error, now_s)
         else:
             self.session.receive(message, now_s)
-        self._client_turns.book(self._account, began_s)
-        self._wake.set()
-        self._clock.look()
 
-    async def _act(self) -> None:
-        while True:
-            action = self.session.next_action()
-            self._room.set()
-            if self._clock.fault is not None:
-                raise self._clock.fault
-            if action is None:
-                await self._until_woken()
-            elif isinstance(action, SendChunk):
-                await self._send_chunks(action)
-            elif isinstance(action, SendMessage):
-                await self._send_message(action.message)
-            elif isinstance(action, MakePlan):
-                await self._take_plan_turn()
-            elif isinstance(action, RunPick):
-                self._picks.start(action)
-            else:
-                await self._close(action)
-                return
+    def _do_next(self) -> bool:
+        """Carry out one action; False where there is none."""
+        writer = self._writer
+        if writer.is_full:
+            self._is_waiting = True
+            writer.when_writable(self._go_on)
+            return False
+        if not writer.is_writable:
+            return False  # closing: the end is reported by the connection
+        action = self.session.next_action()
+        if action is None:
+            writer.flush()
+            return False
+        if isinstance(action, SendChunk):
+            self._is_waiting = True
+            self._scheduler.ask(self._rank(action), self._burst)
+        elif isinstance(action, SendMessage):
+            self._send_message(action.message)
+        elif isinstance(action, MakePlan):
+            writer.flush()
+            self._is_waiting = True
+            self._plans.ask(self.account, self._plan, self._go_on)
+        elif isinstance(action, RunPick):
+            self._start(self._pick(action))
+        else:
+            self._close(action)
+        return True
 
-    async def _until_woken(self) -> None:
-        self._flush()
-        self._wake.clear()
-        await self._wake.wait()
+    def _go_on(self) -> None:
+        """Continue after what was waited for."""
+        self._is_waiting = False
+        self.pump()
 
-    def _flush(self) -> None:
-        """Send messages that wait for payload to go with; before anything that may take a wait."""
-        if self._connection is not None:
-            self._connection.flush()
+    def _on_woken(self) -> None:
+        self._is_woken = False
+        if not self._over.done():
+            self.pump()
+            self._set_timer()
 
-    async def _take_plan_turn(self) -> None:
-        """Plan in this client's turn: one that does not read has one plan, in its transport."""
-        self._flush()
-        if self._connection is None or await self._connection.until_clear():
-            await self._client_turns.take(self._account, self._make_plan)
-        else:  # closing: what the client says last ends this sender
-            await self._until_woken()
+    def _end(self, error: Exception | None = None) -> None:
+        if self._over.done():
+            return
+        if error is None:
+            self._over.set_result(None)
+        else:
+            self._over.set_exception(error)
 
-    def _make_plan(self) -> int:
-        looked_at = self.session.make_plan(monotonic())
-        self._clock.look()
-        return looked_at
+    def _start(self, work: Any) -> None:
+        task = self._loop.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
 
-    async def _send_chunks(self, chunk: SendChunk) -> None:
-        """Send payload until the session wants something else, or the client takes no more."""
-        connection = self._connection
-        if connection is None:
-            await self._turns.take(self._rank(chunk), self._look)
-            await self._send_plainly()
-        elif await connection.until_clear():
-            if self._turns.is_busy:
-                connection.flush()
-            await self._turns.take(self._rank(chunk), self._burst)
-            connection.flush()
-        else:  # closing: what the client says last ends this sender
-            await self._until_woken()
-        if self._absent is not None:
-            absent, self._absent = self._absent, None
-            await self._fetch(absent)
+    # Messages, plans and picks.
 
-    def _burst(self) -> Rank | Pause | None:
-        """Hand chunks to the socket; what is left of them, by rank.
+    def _send_message(self, message: Message) -> None:
+        self._writer.send_message(encode(message))
+        if isinstance(message, Plan):
+            self.session.plan_sent(message.generation, monotonic())
 
-        Batch by batch, each in one call and twice as large as the one before while the socket takes
-        all: nothing is made ready that has no room. What a client says is read after the turn.
-        """
-        connection = self._connection
-        assert connection is not None
-        left_bytes = self._limits.max_burst_bytes
-        has_room = connection.is_clear
-        while has_room:
-            chunks, frames, compared = self._next_frames(min(self._batch_bytes, left_bytes))
-            if not frames:
-                return None
-            left_bytes -= compared * _COMPARED_AS_BYTES
-            sent = connection.send_frames(frames)
-            left_bytes -= self._note_sent(chunks[:sent])
-            has_room = connection.is_clear
-            if not has_room:
-                self._batch_bytes = MAX_CHUNK_BYTES
-                left = self.session.next_chunks(1)
-                return Pause(self._rank(left[0]), connection.when_clear) if left else None
-            self._batch_bytes = min(2 * self._batch_bytes, LARGEST_BATCH_BYTES)
-            if left_bytes < MAX_CHUNK_BYTES:
-                return self._rank(chunks[0])
-        return None
+    def _plan(self) -> None:
+        if self._over.done():
+            return
+        try:
+            self.session.make_plan(monotonic())
+            self._set_timer()
+        except Exception as error:  # noqa: BLE001 - ends the session
+            self._end(error)
 
-    def _next_frames(
-        self, most_bytes: int
-    ) -> tuple[list[SendChunk], list[tuple[bytes, memoryview]], int]:
-        """Make frames of the next chunks, none where others come first; count compared segments."""
-        session, desk, connection = self.session, self._served.desk, self._connection
-        chunks = session.next_chunks(most_bytes)[:MAX_FRAMES]
-        if not chunks:
-            return [], [], 0
-        if chunks[0].segment == self._failed:
-            self._failed = None
-            self._ahead_bytes -= chunks[0].total - chunks[0].offset
-            session.payload_failed(chunks[0], monotonic())
-            return [], [], 0
-        if desk.ahead_bytes:
-            self._look_ahead(chunks[0])
-        is_direct = connection is not None and connection.is_direct
-        room, encoding = self._read_buffer, session.encoding
-        payloads, compared = desk.payloads(chunks, encoding, room, as_file=is_direct)
-        # In here bytes stay only until the next call: for a socket that takes them at once.
-        views = room.fill(payloads, fetched=chunks[0] == self._fetched)
-        if not views:
-            self._absent = chunks[0]
-        frames = []
-        for (generation, segment, offset, length, total, _), view in zip(
-            chunks, views, strict=False
-        ):
-            header = frame_header(
-                generation=generation, segment=segment, offset=offset, total=total, length=length
-            )
-            frames.append((header, view))
-        return chunks, frames, compared
+    async def _pick(self, action: RunPick) -> None:
+        try:
+            hit = await self._run_pick(self._served, action, self.account)
+        except Exception as error:  # noqa: BLE001 - logged; the session goes on
+            self._metrics.picks.labels("failed").inc()
+            self._served.tell_failure("pick failed", None, error, level=logging.WARNING)
+            self.session.pick_failed(action.request)
+        else:
+            self._metrics.picks.labels("miss" if hit is None else "hit").inc()
+            self.session.picked(action.request, hit)
+        self.pump()
 
-    def _note_sent(self, chunks: list[SendChunk]) -> int:
-        """Book chunks as sent, the last one perhaps in part; return their bytes."""
-        self.session.chunks_sent(chunks, monotonic())
-        last = chunks[-1]
-        sent_bytes = sum(chunk.length for chunk in chunks)
-        (self._metrics.land_bytes if last.landing else self._metrics.aim_bytes).inc(sent_bytes)
-        if last.generation != self._under_way.generation:
-            self._generation_bytes = 0
-        self._generation_bytes += sent_bytes
-        self._ahead_bytes -= sent_bytes
-        self._under_way = last
-        return sent_bytes
+    def _close(self, action: Close) -> None:
+        if self.session.transfers is None:  # was never authenticated
+            self._connection.close_within(REFUSED_CLOSE_S)
+        self._connection.close(int(action.code), str(action.reason))
+        self._end()
+
+    # Payload.
 
     def _rank(self, chunk: SendChunk) -> Rank:
-        is_new = chunk.generation != self._under_way.generation
+        is_new = chunk.generation != self._generation
         return rank_of(
             landing=chunk.landing,
             sent_bytes=0 if is_new else self._generation_bytes,
@@ -341,58 +299,155 @@ class Sender:
             rest_bytes=chunk.total - chunk.offset,
         )
 
-    def _look(self) -> None:
-        """Take a turn and send afterwards: for a connection that cannot send without waiting."""
+    def _burst(self) -> tuple[int, Rank | None]:
+        """Send payload until the turn is over, the socket is full, or something else goes first."""
+        used_bytes, rank = 0, None
+        try:
+            used_bytes, rank = self._send_turn()
+        except Exception as error:  # noqa: BLE001 - ends the session
+            self._end(error)
+        if rank is None and not self._is_waiting:
+            self.pump()
+        return used_bytes, rank
 
-    async def _send_plainly(self) -> None:
-        chunks, frames, _ = self._next_frames(1)
-        if frames:
-            header, payload = frames[0]
-            self._note_sent(chunks[:1])
-            await self._websocket.send_bytes(header + payload)
+    def _send_turn(self) -> tuple[int, Rank | None]:
+        writer, used_bytes = self._writer, 0
+        self._is_waiting, last = False, None
+        while used_bytes < TURN_BYTES and writer.is_writable and not self._over.done():
+            chunks, buffers, ends, compared = self._next_frames()
+            last = chunks[0] if buffers else None
+            if last is None:
+                break
+            taken = writer.send_frames(buffers, ends)
+            payload_bytes = self._note_sent(chunks[:taken]) if taken else 0
+            used_bytes += payload_bytes + compared * _COMPARED_AS_BYTES
+            self._batch_bytes = max(MAX_CHUNK_BYTES, min(TURN_BYTES, 2 * payload_bytes))
+            (self._metrics.land_bytes if last.landing else self._metrics.aim_bytes).inc(
+                payload_bytes
+            )
+        if writer.is_full:
+            self._is_waiting = True
+            writer.when_writable(self._ask_again)
+        elif last is not None and used_bytes >= TURN_BYTES:
+            self._is_waiting = True
+            return used_bytes, self._rank(last)
+        return used_bytes, None
 
-    def _look_ahead(self, chunk: SendChunk) -> None:
-        """Let the desk fetch what follows, so much at a time that neighbours go together."""
-        if chunk.generation != self._ahead_generation:
-            self._ahead_generation, self._ahead_bytes = chunk.generation, 0
+    def _ask_again(self) -> None:
+        """Ask for a turn, where the session still has payload to send."""
+        chunks = self.session.next_chunks(1)
+        if chunks and self._writer.is_writable:
+            self._scheduler.ask(self._rank(chunks[0]), self._burst)
+        else:
+            self._go_on()
+
+    def _next_frames(self) -> tuple[list[SendChunk], list[bytes | memoryview], list[int], int]:
+        """Return frames of the next chunks, none where others go first; count compared segments."""
+        session, desk = self.session, self._served.desk
+        chunks = session.next_chunks(self._batch_bytes)[:MAX_FRAMES]
+        buffers: list[bytes | memoryview] = []
+        ends: list[int] = []
+        if not chunks:
+            return chunks, buffers, ends, 0
+        first = chunks[0]
+        if first.segment == self._failed:
+            self._failed = None
+            self._announced_bytes -= first.total - first.offset
+            session.payload_failed(first, monotonic())
+            return chunks, buffers, ends, 0
+        if desk.ahead_bytes:
+            self._announce(first)
+        views, compared = desk.views(
+            chunks,
+            session.encoding,
+            by_system_call=self._writer.descriptor >= 0,
+            fetched=self._fetched,
+        )
+        if not views:
+            self._is_waiting = True
+            self._start(self._fetch(first))
+        end = 0
+        for (generation, segment, offset, length, total, _), view in zip(
+            chunks, views, strict=False
+        ):
+            header = message_header(HEADER_BYTES + length) + frame_header(
+                generation=generation, segment=segment, offset=offset, total=total, length=length
+            )
+            buffers += (header, view)
+            end += len(header) + length
+            ends.append(end)
+        return chunks, buffers, ends, compared
+
+    def _note_sent(self, chunks: list[SendChunk]) -> int:
+        """Report chunks as sent; return their bytes."""
+        self.session.chunks_sent(chunks, monotonic())
+        sent_bytes = sum([chunk.length for chunk in chunks])
+        generation = chunks[0].generation
+        if generation != self._generation:
+            self._generation, self._generation_bytes = generation, 0
+        self._generation_bytes += sent_bytes
+        self._announced_bytes -= sent_bytes
+        return sent_bytes
+
+    def _announce(self, chunk: SendChunk) -> None:
+        """Let the reader fetch what follows from storage, in pieces that it can fetch together."""
+        if chunk.generation != self._announced_generation:
+            self._announced_generation, self._announced_bytes = chunk.generation, 0
         desk = self._served.desk
-        if self._ahead_bytes <= desk.ahead_bytes // 2:
-            coming = self.session.upcoming(_MOST_AHEAD)
-            told_bytes = desk.expect(coming, self.session.encoding)
-            # Less than asked for: that was all, and there is nothing more to tell.
-            self._ahead_bytes = told_bytes if told_bytes >= desk.ahead_bytes else _ALL_TOLD
+        if self._announced_bytes <= desk.ahead_bytes // 2:
+            coming = self.session.upcoming(_MAX_ANNOUNCED)
+            known_bytes = desk.expect(coming, self.session.encoding)
+            is_rest = known_bytes < desk.ahead_bytes
+            self._announced_bytes = _EVERYTHING_AHEAD if is_rest else known_bytes
 
     async def _fetch(self, chunk: SendChunk) -> None:
-        """Wait until the chunk can be sent, or note that it cannot; then ask the session again.
-
-        Meanwhile the client may want something else.
-        """
+        """Wait until a chunk is in memory, or note that it cannot be read; then continue."""
         self._metrics.payload_reads.inc()
         try:
-            coming = self.session.upcoming(_MOST_AHEAD)[1:]
+            coming = self.session.upcoming(_MAX_ANNOUNCED)[1:]
             await self._served.desk.fetch(chunk, self.session.encoding, coming)
             self._fetched = chunk
         except (StoreError, OSError) as error:
-            self._tell_failure(chunk, error)
+            self._note_failure(chunk, error)
             self._failed = chunk.segment
+        except Exception as error:  # noqa: BLE001 - ends the session
+            self._end(error)
+        self._go_on()
 
-    def _tell_failure(self, chunk: SendChunk, error: Exception) -> None:
+    def _note_failure(self, chunk: SendChunk, error: Exception) -> None:
         event = "segment_corrupt" if isinstance(error, CorruptPayloadError) else "segment_lost"
         landing = f"{self.session.id}-{chunk.generation}"
         self._served.tell_failure(event, chunk.segment, error, landing=landing)
         self._metrics.corrupt_segments.labels(self._metrics.scene_label(self._served.id)).inc()
 
-    async def _send_message(self, message: Message) -> None:
-        if self._connection is None:
-            await self._websocket.send_bytes(encode(message))
-        elif await self._connection.until_clear():
-            self._connection.send_message(encode(message))
-        if isinstance(message, Plan):
-            self.session.plan_sent(message.generation, monotonic())
+    # Time.
 
-    async def _close(self, action: Close) -> None:
-        self._flush()
-        self._clock.look()
-        if self._connection is not None and self.session.transfers is None:  # was never let in
-            self._connection.leave_within(REFUSED_CLOSE_S)
-        await self._websocket.close(int(action.code), str(action.reason))
+    def _set_timer(self) -> None:
+        """Set the timer to what is due next; to the end, where the session closes."""
+        if self._is_closing or self._over.done():
+            return
+        now_s = monotonic()
+        if self.session.closing:
+            self._is_closing = True
+            due_s = now_s + self._limits.close_timeout_s
+        else:
+            due_s = self.session.wake_at_s()
+            if self._timer is not None and due_s >= self._timer_due_s:
+                return
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer_due_s = due_s
+        self._timer = self._loop.call_later(max(_SHORTEST_TICK_S, due_s - now_s), self._tick)
+
+    def _tick(self) -> None:
+        self._timer = None
+        if self._is_closing:  # the client does not read what is left
+            self._connection.abort()
+            return
+        self.session.heard(self._connection.heard_s)
+        try:
+            self.session.tick(monotonic())
+        except Exception as error:  # noqa: BLE001 - ends the session
+            self._end(error)
+        self.pump()
+        self._set_timer()

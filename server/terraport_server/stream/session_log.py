@@ -14,10 +14,10 @@ from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.session.interface import Observer
 from terraport_wire import Error, ErrorCode, Plan, Ready, Reject, Superseded
 
-__all__ = ["Chronicle", "note_error"]
+__all__ = ["SessionLog", "note_error"]
 
 
-class Chronicle(Observer):
+class SessionLog(Observer):
     """Hears of one session from :meth:`opened` to :meth:`closed`.
 
     Parameters

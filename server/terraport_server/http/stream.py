@@ -20,7 +20,6 @@ from terraport_server.descriptors import NO_DESCRIPTOR, has_free_descriptors
 from terraport_server.errors import AccessError, UnknownSceneError
 from terraport_server.groups.hub import GroupMember
 from terraport_server.logging import log
-from terraport_server.peer_limits import REFUSED_CLOSE_S
 from terraport_server.service import Service
 from terraport_server.session.session import (
     INTERNAL_TEXT,
@@ -28,9 +27,9 @@ from terraport_server.session.session import (
     Session,
     no_hello_text,
 )
+from terraport_server.stream.connection import REFUSED_CLOSE_S, connection_of
 from terraport_server.stream.sender import Sender
-from terraport_server.stream.session_log import Chronicle, note_error
-from terraport_server.transport import connection_of
+from terraport_server.stream.session_log import SessionLog, note_error
 from terraport_wire import (
     CLOSE_CODES,
     SUBPROTOCOL,
@@ -74,22 +73,19 @@ async def stream(websocket: WebSocket, scene_id: str, service: Service) -> None:
     if not speaks:
         service.metrics.errors.labels(ErrorCode.UNSUPPORTED_VERSION).inc()
         service.metrics.refused.labels("version").inc()
-        if connection is not None:
-            connection.leave_within(REFUSED_CLOSE_S)
+        connection.close_within(REFUSED_CLOSE_S)
         await websocket.close(int(CloseCode.VERSION), f"offered: {SUBPROTOCOL}")
         return
     with contextlib.suppress(WebSocketDisconnect):
         came = _let_in(websocket, scene_id, offered, service)
         if not isinstance(came, _Refusal) and (came is not None or service.gate.is_open):
             # Said at once to whom it may be said; who has a token to show counts once it is seen.
-            full = service.fullness(client_key(client_ip))
+            full = service.session_counts.refusal(client_key(client_ip))
             if full is not None:
-                came = _Refusal(ErrorCode.TOO_MANY, full, _kind_of(full))
+                came = _Refusal(ErrorCode.TOO_MANY, full[1], full[0])
         if not isinstance(came, _Refusal):
             await _serve(websocket, scene_id, came, client_ip, service)
             return
-        if connection is not None and came.code in {ErrorCode.DRAINING, ErrorCode.TOO_MANY}:
-            connection.excuse()
         service.metrics.refused.labels(came.reason).inc()
         note_error(service.metrics, service.once, came.code, came.text, client_ip=client_ip)
         await _refuse(websocket, came.code, came.text)
@@ -131,19 +127,18 @@ async def _serve(
                 return admission, UNAUTHORISED_TEXT
             visitor.token_pass = admission
         # Only now does it count: whoever says no hello would else keep others out.
-        full = service.admit(client)
-        if connection is not None:
-            connection.excuse()
+        full = service.session_counts.add(client)
         if full is not None:
-            service.metrics.refused.labels(_kind_of(full)).inc()
-            return ErrorCode.TOO_MANY, full
+            service.metrics.refused.labels(full[0]).inc()
+            return ErrorCode.TOO_MANY, full[1]
         is_counted = True
-        if connection is not None:
-            connection.let_in()
-        chronicle.opened()
+        connection.authenticate()
+        name = visitor.token_pass.name if visitor.token_pass is not None else None
+        sender.account = service.plans.accounts.of(f"{client} {name or ''}")
+        session_log.opened()
         return None
 
-    chronicle = Chronicle(
+    session_log = SessionLog(
         service.metrics, service.once, session_id=session_id, served=served, client_ip=client_ip
     )
     # The session's surroundings: who hears of it, its way to the groups.
@@ -173,18 +168,17 @@ async def _serve(
         session_id=session_id,
         now_s=monotonic(),
         authorise=authorise,
-        observer=chronicle,
+        observer=session_log,
         groups=member,
     )
     sender = Sender(
-        websocket,
+        connection,
         session,
         served,
         limits=service.sender_limits,
         metrics=service.metrics,
-        turns=service.turns,
-        client_turns=service.client_turns,
-        read_buffer=service.read_buffer,
+        scheduler=service.scheduler,
+        plans=service.plans,
         run_pick=service.run_pick,
     )
 
@@ -195,14 +189,13 @@ async def _serve(
     # Enter, serve, leave.
     visitor = Visitor(scene_id, withdraw, session_id, token_pass)
     service.add(sender, served)
-    if connection is not None:
-        connection.on_shutdown = service.begin_drain
+    connection.on_shutdown = service.begin_drain
     service.access.add(visitor)
     try:
         await sender.run()
     except Exception:
         service.metrics.errors.labels(ErrorCode.INTERNAL).inc()
-        chronicle.ending(ErrorCode.INTERNAL)
+        session_log.ending(ErrorCode.INTERNAL)
         log("session failed", level=logging.ERROR, session=session_id, scene=scene_id)
         logging.getLogger("terraport.server").exception("session failed")
         await _refuse(websocket, ErrorCode.INTERNAL, INTERNAL_TEXT)
@@ -213,9 +206,9 @@ async def _serve(
         service.access.remove(visitor)
         service.remove(sender)
         if is_counted:
-            service.dismiss(client)
-        chronicle.closed()
-        # What is told to both holds them, and they hold it: no rings, see HttpConnection.
+            service.session_counts.remove(client)
+        session_log.closed()
+        # Both refer to callbacks that refer to them: without a cycle no garbage search is needed.
         session = sender = None  # type: ignore[assignment]
 
 
@@ -248,10 +241,6 @@ def _let_in(
     except UnknownSceneError as error:
         return _Refusal(error.code, str(error), str(error.code))
     return token_pass
-
-
-def _kind_of(full: str) -> str:
-    return "sessions_per_ip" if "one address" in full else "sessions"
 
 
 async def _judge_hello(
@@ -292,9 +281,7 @@ def _given_token(websocket: WebSocket, offered: list[str]) -> str | None:
 
 async def _refuse(websocket: WebSocket, code: ErrorCode, text: str) -> None:
     error = encode(Error(code=code, message=text[:1024], fatal=True))
-    connection = connection_of(websocket.scope)
-    if connection is not None:
-        connection.leave_within(REFUSED_CLOSE_S)
+    connection_of(websocket.scope).close_within(REFUSED_CLOSE_S)
     with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # gone, or closed already
         await websocket.send_bytes(error)
         await websocket.close(int(CLOSE_CODES[code]), code)
