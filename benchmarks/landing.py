@@ -400,13 +400,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
     parser.add_argument("--smoke", action="store_true", help="seconds, to see that it works")
     parser.add_argument("--only", choices=MEASUREMENTS, help="one part")
-    parser.add_argument("--source", default="file", choices=["file", "mmap"])
     parser.add_argument("--lowat", type=int, help="notsent_lowat_bytes; the default's is measured")
     parser.add_argument("--pin", action="store_true", help="servers on one core, clients on others")
     arguments = parser.parse_args()
     size = replace(SMOKE if arguments.smoke else FULL, pin=arguments.pin)
     measurements = (arguments.only,) if arguments.only else MEASUREMENTS
-    changed: dict[str, Any] = {"payload_source": arguments.source}
+    changed: dict[str, Any] = {}
     if arguments.lowat is not None:
         changed["notsent_lowat_bytes"] = arguments.lowat
     result: dict[str, Any] = {

@@ -70,7 +70,7 @@ def main() -> int:
         profile, _, path = one.partition("=")
         if profile not in DEVICES or not path:
             parser.error(f"got {one!r}, expected PROFILE=SCENE with {', '.join(DEVICES)}")
-        served = ServedScene.open(Path(path).name, Path(path), "file")
+        served = ServedScene(Path(path).name, Path(path))
         print(f"== {one}", flush=True)
         missed |= not fits(served, DEVICES[profile], options.landings)
     return 1 if missed else 0

@@ -187,7 +187,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
     parser.add_argument("--smoke", action="store_true", help="seconds, to see that it works")
     parser.add_argument("--only", choices=["throughput", "calls", "landing", "sessions"])
-    parser.add_argument("--source", default="file", choices=["file", "mmap"])
     parser.add_argument("--lowat", type=int, help="notsent_lowat_bytes; the default's is measured")
     parser.add_argument("--rounds", type=int, default=3, help="of throughput")
     parser.add_argument("--sessions", type=int, default=10_000)
@@ -197,7 +196,7 @@ def main() -> None:
     if arguments.smoke:
         arguments.sessions, arguments.seconds = 50, 2.0
     size = replace(size, rounds=1 if arguments.smoke else arguments.rounds)
-    changed: dict[str, Any] = {"payload_source": arguments.source, "handshake_timeout_s": 60.0}
+    changed: dict[str, Any] = {"handshake_timeout_s": 60.0}
     if arguments.lowat is not None:
         changed["notsent_lowat_bytes"] = arguments.lowat
     result: dict[str, Any] = {

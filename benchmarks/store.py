@@ -7,7 +7,7 @@
 * index file: bytes per segment, encode and decode;
 * payload: bytes per triangle, encode and decode per second, by option of the encoder, and what each
   part takes;
-* reading: payloads per second from a published scene, by source, with and without the hash check.
+* reading: payloads per second from a published scene, with and without the hash check.
 
 Fixed seeds. Times are medians; run on an idle machine, or compare ratios. ``--smoke`` runs
 everything small, in seconds.
@@ -310,18 +310,17 @@ def reading(segments: int) -> dict[str, Any]:
             )
         rows["write_and_publish_s"] = round(time.perf_counter() - start, 3)
         rows["open_ms"] = round(median_s(lambda: Scene.open(path).close()) * 1e3, 2)
-        # Every payload by either way of reading, with and without its hash.
-        for source in ("file", "mmap"):
-            with Scene.open(path, source=source) as scene:
-                for verify in (False, True):
+        # Every payload, with and without its hash.
+        with Scene.open(path) as scene:
+            for verify in (False, True):
 
-                    def read_all(scene: Scene = scene, verify: bool = verify) -> None:
-                        for segment in range(segments):
-                            scene.payload(segment, verify=verify, recheck=verify)
+                def read_all(scene: Scene = scene, verify: bool = verify) -> None:
+                    for segment in range(segments):
+                        scene.payload(segment, verify=verify, recheck=verify)
 
-                    seconds = median_s(read_all)
-                    key = f"{source}{', hash checked' if verify else ''}"
-                    rows[f"{key}, us per payload"] = round(seconds / segments * 1e6, 1)
+                seconds = median_s(read_all)
+                key = "hash checked" if verify else "read"
+                rows[f"{key}, us per payload"] = round(seconds / segments * 1e6, 1)
         # Validate every payload.
         start = time.perf_counter()
         findings = [f for f in validate_scene(path) if f.code != "attributes"]

@@ -68,8 +68,6 @@ class Service:
         root.show_counts(self.metrics.registry)
         self.registry = SceneRegistry(
             root,
-            source=settings.payload_source,
-            read_threads=settings.read_threads,
             published=self._published,
             pull_base_url=settings.pull_base_url,
         )

@@ -62,13 +62,6 @@ class Settings(BaseSettings):
     """How often scene.json files are looked at for newer versions."""
     scenes_url: str | None = None
     """Scenes in object storage (s3://BUCKET/PREFIX), or one scene; in place of scenes_dir."""
-    payload_source: Literal["file", "mmap"] = "file"
-    """How payloads are read: "file" reads from the page cache; "mmap" maps the packs,
-    and a pack cut short under it ends the process."""
-
-    read_threads: Annotated[int, Field(ge=1, le=64)] = 4
-    """Threads that read payloads which are not in the page cache, and check each for the first
-    time."""
 
     pull_base_url: Annotated[str, Field(pattern=_BASE_URL)] | None = None
     """Address under which the scenes' folders are served by others (a CDN, nginx, a public

@@ -12,7 +12,7 @@ A scene is a directory that is published atomically; format in ``spec/scene-form
   :func:`read_taught`, :func:`write_taught`: what that has taught;
 * :class:`SegmentIndex`, :class:`Cover`, :class:`Manifest`: what is in it;
 * :class:`PackedRTree`: segments within a radius;
-* :class:`PayloadSource` with :class:`FileSource`, :class:`MmapSource`, :class:`MemorySource`;
+* :class:`PayloadSource` with :class:`FileSource`: the bytes of a pack;
 * :class:`SceneFiles`, :func:`scene_files`: where a scene lies. Object storage is in
   :mod:`terraport_store.object_files`, which needs ``terraport[s3]``.
 """
@@ -66,8 +66,6 @@ from terraport_store.reader import Scene
 from terraport_store.regions import RegionNames
 from terraport_store.source import (
     FileSource,
-    MemorySource,
-    MmapSource,
     PayloadRange,
     PayloadSource,
     read_cached,
@@ -99,8 +97,6 @@ __all__ = [
     "LabelError",
     "Limits",
     "Manifest",
-    "MemorySource",
-    "MmapSource",
     "OriginError",
     "OutOfSpaceError",
     "PackedRTree",

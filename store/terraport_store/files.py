@@ -14,23 +14,21 @@ from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, Literal, Protocol
+from typing import BinaryIO, Protocol
 
 from terraport_store.index import SegmentIndex
 from terraport_store.manifest import FileInfo, Manifest
-from terraport_store.source import FileSource, MmapSource, PayloadSource
+from terraport_store.source import FileSource, PayloadSource
 
 __all__ = [
     "FolderFiles",
     "LocalCopy",
     "SceneFiles",
-    "SourceKind",
     "open_inside",
     "open_regular",
     "path_inside",
 ]
 
-SourceKind = Literal["file", "mmap"]
 """How packs in a folder are read."""
 
 _BLOCK_BYTES = 1 << 20
@@ -80,7 +78,7 @@ class SceneFiles(Protocol):
         """Return something that differs once the file was replaced; None where there is none."""
         ...
 
-    def open_pack(self, file: FileInfo, index: SegmentIndex, kind: SourceKind) -> PayloadSource:
+    def open_pack(self, file: FileInfo, index: SegmentIndex) -> PayloadSource:
         """Open a pack whose payloads lie as the index says."""
         ...
 
@@ -230,12 +228,11 @@ class FolderFiles:
         self,
         file: FileInfo,
         index: SegmentIndex,  # noqa: ARG002 - a file needs none
-        kind: SourceKind,
     ) -> PayloadSource:
         """Open a pack; see :class:`SceneFiles`."""
         with _named(file.path):
             descriptor = open_inside(self.directory, file.path)
-        return (MmapSource if kind == "mmap" else FileSource)(descriptor)
+        return FileSource(descriptor)
 
     def local_copy(self, manifest: Manifest) -> LocalCopy:  # noqa: ARG002 - all of it is local
         """Return the directory itself."""

@@ -30,7 +30,7 @@ import xxhash
 
 from terraport_store.byte_cache import ByteCache, CacheKey
 from terraport_store.errors import DamagedSceneError
-from terraport_store.files import LocalCopy, SourceKind
+from terraport_store.files import LocalCopy
 from terraport_store.index import SegmentIndex
 from terraport_store.layout import BASE, COVER, MANIFEST_NAME, OVERVIEW, REGIONS
 from terraport_store.manifest import FileInfo, Manifest
@@ -242,7 +242,6 @@ class ObjectFiles:
         self,
         file: FileInfo,
         index: SegmentIndex,
-        kind: SourceKind,  # noqa: ARG002 - packs in a folder only
     ) -> RemoteSource:
         """Read a pack by ranges; see :class:`SceneFiles`."""
         return RemoteSource(

@@ -10,7 +10,7 @@ import xxhash
 
 from terraport_payload import Cover, PayloadError
 from terraport_store.errors import DamagedSceneError, SceneNotFoundError
-from terraport_store.files import SceneFiles, SourceKind
+from terraport_store.files import SceneFiles
 from terraport_store.index import SegmentIndex
 from terraport_store.layout import (
     COVER,
@@ -154,7 +154,6 @@ def open_pack(
     encoding: str,
     info: EncodingInfo,
     index: SegmentIndex,
-    kind: SourceKind,
 ) -> PayloadSource:
     """Open the pack of one encoding and check its header and size.
 
@@ -165,7 +164,7 @@ def open_pack(
     """
     file = manifest.files[info.pack]
     check_size(files, manifest, info.pack)
-    source = files.open_pack(file, index, kind)
+    source = files.open_pack(file, index)
     try:
         check_pack_header(source.read(0, min(PACK_HEADER_BYTES, source.size)), encoding)
     except PayloadError as error:

@@ -26,7 +26,7 @@ from terraport_store.errors import (
     DamagedSceneError,
     RangeError,
 )
-from terraport_store.files import LocalCopy, SceneFiles, SourceKind, path_inside
+from terraport_store.files import LocalCopy, SceneFiles, path_inside
 from terraport_store.index import SegmentIndex
 from terraport_store.layout import (
     BASE,
@@ -103,7 +103,7 @@ class Scene:
         self._verified = {name: np.zeros(len(index), dtype=bool) for name, index in indexes.items()}
 
     @classmethod
-    def open(cls, path: str | Path | SceneFiles, *, source: SourceKind = "file") -> Scene:
+    def open(cls, path: str | Path | SceneFiles) -> Scene:
         """Open the version that is published now.
 
         Parameters
@@ -111,10 +111,6 @@ class Scene:
         path : str, Path or SceneFiles
             The scene directory; an address like ``s3://bucket/scene`` (a str), cached in memory; or
             files of an ObjectStorage, which are not closed with the scene.
-        source : {"file", "mmap"}, optional
-            How payloads in a folder are read: "file" copies one payload at a time and survives
-            anything; "mmap" hands out views without a copy, but a pack cut short under it ends the
-            process.
 
         Returns
         -------
@@ -133,18 +129,18 @@ class Scene:
         """
         files = scene_files(path)
         try:
-            return cls._open_newest(files, source, owned=files is not path)
+            return cls._open_newest(files, owned=files is not path)
         except BaseException:
             if files is not path:
                 files.close()
             raise
 
     @classmethod
-    def _open_newest(cls, files: SceneFiles, source: SourceKind, *, owned: bool) -> Scene:
+    def _open_newest(cls, files: SceneFiles, *, owned: bool) -> Scene:
         manifest = read_manifest(files)
         for _ in range(_OPEN_ATTEMPTS):
             try:
-                scene = cls._open_version(files, manifest, source)
+                scene = cls._open_version(files, manifest)
             except FileNotFoundError as error:
                 newer = read_manifest(files)
                 if newer.version == manifest.version and newer.folder == manifest.folder:
@@ -157,7 +153,7 @@ class Scene:
         raise DamagedSceneError(MANIFEST_NAME, f"{_OPEN_ATTEMPTS} versions vanished while opening")
 
     @classmethod
-    def _open_version(cls, files: SceneFiles, manifest: Manifest, source: SourceKind) -> Scene:
+    def _open_version(cls, files: SceneFiles, manifest: Manifest) -> Scene:
         with ExitStack() as undo:
             indexes = {
                 name: read_parsed(
@@ -179,7 +175,7 @@ class Scene:
             check_agreement(manifest, indexes, cover)
             sources: dict[str, PayloadSource] = {}
             for name, info in manifest.encodings.items():
-                sources[name] = open_pack(files, manifest, name, info, indexes[name], source)
+                sources[name] = open_pack(files, manifest, name, info, indexes[name])
                 undo.callback(sources[name].close)
             for key in (BASE, REGIONS):
                 check_size(files, manifest, key)
@@ -268,7 +264,7 @@ class Scene:
         Returns
         -------
         bytes or memoryview
-            A view (source "mmap") stays valid until :meth:`close`.
+            A view stays valid until :meth:`close`.
 
         Raises
         ------

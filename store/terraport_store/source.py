@@ -1,6 +1,6 @@
-"""Where payload bytes come from: file, memory map or memory, behind one small interface.
+"""Random access to the payloads of a pack: the interface, and a file on this machine.
 
-Object storage is one more: :mod:`terraport_store.remote_source`.
+Object storage: :mod:`terraport_store.remote_source`.
 """
 
 from __future__ import annotations
@@ -17,9 +17,6 @@ from terraport_store.errors import RangeError
 
 __all__ = [
     "FileSource",
-    "LocalSource",
-    "MemorySource",
-    "MmapSource",
     "PayloadRange",
     "PayloadSource",
     "check_range",
@@ -113,7 +110,7 @@ class PayloadSource(Protocol):
         ...
 
     def expect(self, ranges: Sequence[tuple[int, int]]) -> None:
-        """Hear that these ranges (offset, length) will be read soon, in this order. Never waits."""
+        """Prefetch ranges (offset, length) that will be read soon, in this order. Never waits."""
         ...
 
     def interrupt(self) -> None:
@@ -125,36 +122,8 @@ class PayloadSource(Protocol):
         ...
 
 
-class LocalSource:
-    """What a source on this machine answers where a remote one has work to do."""
-
-    def held(self, offset: int, length: int) -> bytes | memoryview | None:  # noqa: ARG002 - any
-        """Return None: a file has its bytes elsewhere; see :class:`PayloadSource`."""
-        return None
-
-    def recall(self, offset: int, length: int) -> bool:  # noqa: ARG002 - any
-        """Return True; see :class:`PayloadSource`."""
-        return True
-
-    @property
-    def checks_hashes(self) -> bool:
-        """Return False: the reader does; see :class:`PayloadSource`."""
-        return False
-
-    def distrust(self, offset: int, length: int) -> None:
-        """Do nothing; see :class:`PayloadSource`."""
-
-    def expect(self, ranges: Sequence[tuple[int, int]]) -> None:
-        """Do nothing; see :class:`PayloadSource`."""
-
-    def interrupt(self) -> None:
-        """Do nothing; see :class:`PayloadSource`."""
-
-
-class FileSource(LocalSource):
-    """Reads with ``pread``: memory use is one payload.
-
-    A file cut short is an error, never a crash.
+class FileSource:
+    """A pack on this machine, read with ``pread``: a file cut short is an error, never a crash.
 
     Parameters
     ----------
@@ -206,78 +175,36 @@ class FileSource(LocalSource):
                 return None
         return self._mapped[offset : offset + length]
 
+    def held(self, offset: int, length: int) -> None:
+        """Return None: nothing is kept in memory; see :class:`PayloadSource`."""
+
+    def recall(self, offset: int, length: int) -> bool:  # noqa: ARG002 - any
+        """Return True; see :class:`PayloadSource`."""
+        return True
+
+    @property
+    def checks_hashes(self) -> bool:
+        """Return False: the reader does; see :class:`PayloadSource`."""
+        return False
+
+    def distrust(self, offset: int, length: int) -> None:
+        """Do nothing; see :class:`PayloadSource`."""
+
+    def expect(self, ranges: Sequence[tuple[int, int]]) -> None:
+        """Start to read ranges from the disk; see :class:`PayloadSource`."""
+        if hasattr(os, "posix_fadvise"):
+            for offset, length in ranges:
+                os.posix_fadvise(self._descriptor, offset, length, os.POSIX_FADV_WILLNEED)
+
+    def interrupt(self) -> None:
+        """Do nothing; see :class:`PayloadSource`."""
+
     def close(self) -> None:
         """Close the descriptor; may be called again. A view in use keeps the map."""
         self.__dict__.pop("_mapped", None)
         if self._descriptor >= 0:
             os.close(self._descriptor)
             self._descriptor = -1
-
-
-class MemorySource(LocalSource):
-    """Reads from bytes in memory.
-
-    Parameters
-    ----------
-    data : bytes or mmap
-        The whole pack.
-    """
-
-    def __init__(self, data: bytes | mmap.mmap) -> None:
-        self._view = memoryview(data)
-
-    @property
-    def size(self) -> int:
-        """Length of the whole pack, bytes."""
-        return len(self._view)
-
-    def read(self, offset: int, length: int) -> memoryview:
-        """Read exactly *length* bytes as a view; see :class:`PayloadSource`."""
-        check_range(offset, length, len(self._view))
-        return self._view[offset : offset + length]
-
-    def held(self, offset: int, length: int) -> memoryview:
-        """Return a view; see :class:`PayloadSource`."""
-        return self.read(offset, length)
-
-    def view(self, offset: int, length: int) -> memoryview:
-        """Return a view; see :class:`PayloadSource`."""
-        return self.read(offset, length)
-
-    def file_range(self, offset: int, length: int) -> None:
-        """Return None; see :class:`PayloadSource`."""
-        check_range(offset, length, self.size)
-
-    def close(self) -> None:
-        """Let go of the bytes; may be called again."""
-        self._view.release()
-
-
-class MmapSource(MemorySource):
-    """Reads views of a memory map: no copy while the pages are hot.
-
-    A cold page blocks the reading thread, and a file cut short *while it is mapped* ends the
-    process (SIGBUS); published packs are never changed in place, so that takes a person or a
-    failing disk.
-
-    Parameters
-    ----------
-    pack : Path or int
-        The pack, never empty; an open descriptor is closed.
-    """
-
-    def __init__(self, pack: Path | int) -> None:
-        with os.fdopen(_opened(pack), "rb") as file:
-            self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        super().__init__(self._map)
-
-    def close(self) -> None:
-        """Unmap, or leave that to the last view still in use; may be called again."""
-        super().close()
-        try:
-            self._map.close()
-        except BufferError:
-            return  # a frame being sent still points here: the map goes with it
 
 
 def read_cached(where: PayloadRange, *, may_wait: bool = False) -> memoryview | None:
@@ -287,7 +214,7 @@ def read_cached(where: PayloadRange, *, may_wait: bool = False) -> memoryview | 
     ----------
     where
     may_wait
-        Read whatever that takes.
+        Whether to read them even if that waits for the disk.
     """
     room = memoryview(bytearray(where.length))
     try:

@@ -319,7 +319,7 @@ class _SceneCheck:
         offsets = index.offset.astype(np.int64)
         ends = offsets + index.length
         gaps = np.concatenate([[PACK_HEADER_BYTES], ends[:-1]])
-        with closing(self.files.open_pack(info, index, "file")) as pack:
+        with closing(self.files.open_pack(info, index)) as pack:
             for segment in np.flatnonzero(offsets > gaps):
                 start, stop = int(gaps[segment]), int(offsets[segment])
                 if stop - start >= ALIGNMENT or any(pack.read(start, stop - start)):

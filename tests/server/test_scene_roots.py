@@ -14,7 +14,7 @@ from s3_servers import s3_environment
 from server.grid_scene import write_grid_scene
 
 from terraport_server.errors import SettingsError
-from terraport_server.scenes.roots import FolderRoot, ObjectRoot, root_of
+from terraport_server.scenes.roots import ObjectRoot, SceneRoot, root_of
 from terraport_server.settings import Settings
 from terraport_store import OriginError
 from terraport_store.object_files import ObjectStorage
@@ -51,7 +51,7 @@ def object_root(root: Path) -> Iterator[ObjectRoot]:
 
 
 def test_a_folder_and_an_address_show_the_same_scenes(root: Path, object_root: ObjectRoot) -> None:
-    assert list(FolderRoot(root).look()) == list(object_root.look()) == ["pit", "well"]
+    assert list(SceneRoot(root).look()) == list(object_root.look()) == ["pit", "well"]
 
 
 def test_what_says_nothing_is_as_before(object_root: ObjectRoot) -> None:
@@ -90,7 +90,7 @@ def test_storage_that_never_answers_is_said_within_seconds(tmp_path: Path) -> No
 
 
 def test_settings_name_the_root(root: Path, tmp_path: Path) -> None:
-    assert isinstance(root_of(Settings(scenes_dir=root)), FolderRoot)
+    assert type(root_of(Settings(scenes_dir=root))) is SceneRoot
     named = root_of(Settings(scenes_url=f"file://{root}", object_cache_dir=tmp_path / "cache"))
     assert isinstance(named, ObjectRoot)
     assert named.ahead_bytes == 8 << 20

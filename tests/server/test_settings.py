@@ -81,7 +81,6 @@ def test_the_environment_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
         ("max_sessions", 0),
         ("max_message_bytes", 2 << 20),
         ("idle_timeout_s", -1.0),
-        ("payload_source", "tape"),
         ("pull_base_url", "ftp://cdn.example/scenes"),
         ("pull_base_url", "https://cdn.example/scenes?key=1"),
     ],

@@ -129,7 +129,7 @@ def test_parts_that_are_too_many_go(monkeypatch: pytest.MonkeyPatch) -> None:
     async def work() -> None:
         desk = TilesetCache()
         with ThreadPoolExecutor(1) as pool:
-            scenes = [ServedScene.open(name, SAMPLE, "file", pool) for name in ("a", "b")]
+            scenes = [ServedScene(name, SAMPLE, pool) for name in ("a", "b")]
             made = []
             for served in (*scenes, scenes[1]):
                 made.append(b"".join((await desk.tiles(served)).tileset.pieces(None)))

@@ -55,14 +55,13 @@ def own(tmp_path: Path) -> GridScene:
     return write_grid_scene(tmp_path / "scenes" / "own")
 
 
-@pytest.mark.parametrize("source", ["file", "mmap"])
 def test_a_flipped_byte_is_found_reported_and_never_sent(
-    own: GridScene, source: str, caplog: pytest.LogCaptureFixture
+    own: GridScene, caplog: pytest.LogCaptureFixture
 ) -> None:
     flip(own.path, 14)
     with (
         caplog.at_level(logging.ERROR, logger="terraport.server"),
-        BackgroundServer(own.path.parent, payload_source=source) as server,
+        BackgroundServer(own.path.parent) as server,
         PlainClient(server.scene_url("own")) as client,
     ):
         client.hello()
@@ -84,10 +83,9 @@ def test_a_flipped_byte_is_found_reported_and_never_sent(
     assert whole.content == own.payloads[15]
 
 
-@pytest.mark.parametrize("source", ["file", "mmap"])
-def test_a_byte_that_flips_after_it_was_sent_once(own: GridScene, source: str) -> None:
+def test_a_byte_that_flips_after_it_was_sent_once(own: GridScene) -> None:
     with (
-        BackgroundServer(own.path.parent, payload_source=source) as server,
+        BackgroundServer(own.path.parent) as server,
         PlainClient(server.scene_url("own")) as first,
         PlainClient(server.scene_url("own")) as second,
     ):

@@ -214,7 +214,7 @@ def test_a_fault_without_end_costs_its_own_scene_only(
     """Its segments are missing in a bounded time, the session goes on, and others notice nothing;
     once it is over, the same session lands there whole."""
     with (
-        serve(url, tmp_path, read_threads=1) as server,
+        serve(url, tmp_path) as server,
         PlainClient(server.scene_url("pit")) as client,
         PlainClient(server.scene_url("well")) as other,
         ThreadPoolExecutor(1) as pool,

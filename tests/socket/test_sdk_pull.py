@@ -290,13 +290,3 @@ def test_a_pack_out_of_reach_comes_in_frames(
             assert session.stats.connections == 2
 
     asyncio.run(run())
-
-
-def test_a_service_without_packs_sends_frames(grid: GridScene) -> None:
-    async def run(server: BackgroundServer) -> None:
-        async with connect(server) as session:
-            assert await land_all(session) == dict(enumerate(grid.payloads))
-            assert session.stats.pull_requests == 0
-
-    with BackgroundServer(grid.path.parent, payload_source="mmap") as running:
-        asyncio.run(run(running))

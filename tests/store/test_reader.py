@@ -27,9 +27,8 @@ def flip(path: Path, offset: int) -> None:
         file.write(bytes([byte ^ 0x40]))
 
 
-@pytest.mark.parametrize("source", ["file", "mmap"])
-def test_reads_what_was_written(tiny: TinyScene, source: str) -> None:
-    with Scene.open(tiny.path, source=source) as scene:  # type: ignore[arg-type]
+def test_reads_what_was_written(tiny: TinyScene) -> None:
+    with Scene.open(tiny.path) as scene:
         assert scene.manifest == tiny.manifest
         assert len(scene.index) == 4
         assert np.array_equal(scene.cover.segments, base_cover().segments)
@@ -73,15 +72,14 @@ def test_no_such_segment(tiny: TinyScene, segment: int) -> None:
         scene.payload(segment)
 
 
-@pytest.mark.parametrize("source", ["file", "mmap"])
-def test_flipped_payload_byte_is_never_handed_out(tiny: TinyScene, source: str) -> None:
+def test_flipped_payload_byte_is_never_handed_out(tiny: TinyScene) -> None:
     """Every byte of one payload, one after the other."""
     with Scene.open(tiny.path) as scene:
         start, length = int(scene.index.offset[2]), int(scene.index.length[2])
         pack = scene.file_path("segments.pack")
     for offset in range(start, start + length, 101):
         flip(pack, offset)
-        with Scene.open(tiny.path, source=source) as scene:  # type: ignore[arg-type]
+        with Scene.open(tiny.path) as scene:
             with pytest.raises(CorruptPayloadError, match="segment 2 has hash") as caught:
                 scene.payload(2)
             assert caught.value.segment == 2
@@ -184,10 +182,10 @@ def test_version_that_vanishes_while_opening(
     published = []
     real = Scene._open_version.__func__  # type: ignore[attr-defined]
 
-    def late(cls: type[Scene], files: FolderFiles, manifest: object, source: str) -> Scene:
+    def late(cls: type[Scene], files: FolderFiles, manifest: object) -> Scene:
         if not published:
             published.extend(write_tiny_scene(files.directory, seed=seed) for seed in (1, 2))
-        return real(cls, files, manifest, source)
+        return real(cls, files, manifest)
 
     monkeypatch.setattr(Scene, "_open_version", classmethod(late))
     with Scene.open(tmp_path / "s") as scene:

@@ -54,7 +54,7 @@ async def get_segment(
     if is_unchanged(request, etag):
         return Response(None, 304, headers)
     with segment_faults(service, served, number):
-        data = await served.desk.whole(number)
+        data = await served.payloads.read(number)
     return bytes_response(request, data, "model/gltf-binary", headers)
 
 
@@ -119,7 +119,7 @@ def segment_faults(service: Service, served: ServedScene, segment: int) -> Itera
         text = f"segment {segment} is not available now; try again later"
         raise RequestError(503, "segment_unavailable", text) from None
     except StoreError:
-        served.desk.distrust(segment)
+        served.payloads.distrust(segment)
         service.metrics.corrupt_segments.labels(service.metrics.scene_label(served.id)).inc()
         text = f"segment {segment} is damaged on the server's disk"
         raise RequestError(500, "segment_corrupt", text) from None

@@ -15,12 +15,12 @@ from collections.abc import Callable, Hashable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from time import thread_time
-from typing import Final, Literal, TypeVar
+from typing import Final, TypeVar
 
 from terraport_server.descriptors import is_shortage, most_packs
 from terraport_server.errors import UnknownSceneError
 from terraport_server.logging import LOGGER, log
-from terraport_server.scenes.roots import FolderRoot, Look, SceneRoot
+from terraport_server.scenes.roots import Look, SceneRoot
 from terraport_server.scenes.served_scene import LabelsFile, ServedScene
 from terraport_store import (
     OriginError,
@@ -34,6 +34,9 @@ __all__ = ["SceneRegistry"]
 _LOOK_SHARE: Final = 0.05
 """Maximum share of a core for polling: its thread takes the interpreter from the event loop."""
 
+_READ_THREADS: Final = 4
+"""Threads that read payloads which are not in the page cache, for all scenes."""
+
 T = TypeVar("T")
 
 
@@ -44,31 +47,24 @@ class SceneRegistry:
     ----------
     root
         Location of the scenes; a folder of scenes, or one scene, by its path. Closed with this.
-    source
-        How payloads are read; see ``Scene.open``.
-    read_threads
-        Threads that read payloads which are not in the page cache.
     published
         Called with the new version, on the event loop, when one replaces an older one.
     pull_base_url
-        See :meth:`ServedScene.open`.
+        See :class:`ServedScene`.
     """
 
     def __init__(
         self,
         root: Path | SceneRoot,
         *,
-        source: Literal["file", "mmap"] = "file",
-        read_threads: int = 4,
         published: Callable[[ServedScene], None] | None = None,
         pull_base_url: str | None = None,
     ) -> None:
-        self.root = FolderRoot(root) if isinstance(root, Path) else root
+        self.root = SceneRoot(root) if isinstance(root, Path) else root
         """Location of the scenes."""
         self.building: list[SceneBuilding] = []
         """Scenes being built, as of the last poll."""
-        self._source = source
-        self._readers = ThreadPoolExecutor(read_threads, thread_name_prefix="read")
+        self._readers = ThreadPoolExecutor(_READ_THREADS, thread_name_prefix="read")
         self._published = published
         self._pull_base_url = pull_base_url
         self._current: dict[str, ServedScene] = {}
@@ -144,10 +140,9 @@ class SceneRegistry:
                 continue
             try:
                 served = await asyncio.to_thread(
-                    ServedScene.open,
+                    ServedScene,
                     scene_id,
                     seen.files,
-                    self._source,
                     self._readers,
                     fetch_threads=self.root.fetch_threads,
                     ahead_bytes=self.root.ahead_bytes,

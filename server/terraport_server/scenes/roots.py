@@ -6,7 +6,7 @@ import logging
 from collections.abc import Hashable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final
 
 from prometheus_client import CollectorRegistry
 
@@ -27,7 +27,7 @@ from terraport_store import (
 if TYPE_CHECKING:
     from terraport_store.object_files import ObjectFiles, ObjectStorage
 
-__all__ = ["FolderRoot", "Look", "ObjectRoot", "SceneRoot", "root_of"]
+__all__ = ["Look", "ObjectRoot", "SceneRoot", "root_of"]
 
 _MANIFEST: Final = "scene.json"
 _LABELS: Final = "labels.json"
@@ -44,28 +44,32 @@ class Look:
     """Changes with labels.json; None where there is none."""
 
 
-class SceneRoot(Protocol):
-    """A folder or an address with scenes. :meth:`look` is called in a thread, one call at a time."""
+class SceneRoot:
+    """A folder of scenes, or one scene."""
 
-    @property
-    def fetch_threads(self) -> int:
-        """Threads of each scene that may wait for a network; 0 = no network."""
-        ...
+    fetch_threads = 0
+    """Threads of each scene that may wait for a network; 0 = no network."""
+    ahead_bytes = 0
+    """Payload bytes that are prefetched for each landing; 0 = none."""
 
-    @property
-    def ahead_bytes(self) -> int:
-        """Payload bytes that are prefetched for each landing; 0 = none."""
-        ...
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
 
     def look(self) -> dict[str, Look]:
-        """Return the state of every scene by id, ascending.
+        """Return the state of every scene by id, ascending. Blocks; not concurrently.
 
         Raises
         ------
         StoreError, OSError
             When the scenes cannot be listed.
         """
-        ...
+        looks = {}
+        for scene_id, directory in list_scenes(self._directory).items():
+            files = FolderFiles(directory)
+            manifest = files.stamp(_MANIFEST)
+            if manifest is not None:  # else removed since it was listed
+                looks[scene_id] = Look(files, manifest, files.stamp(_LABELS))
+        return looks
 
     def building(self) -> list[SceneBuilding]:
         """List the scenes that are being built there; called as :meth:`look` is.
@@ -75,55 +79,19 @@ class SceneRoot(Protocol):
         OSError
             When they cannot be listed.
         """
-        ...
-
-    def show_counts(self, registry: CollectorRegistry) -> None:
-        """Register the metrics of object storage, where it is one."""
-        ...
-
-    def interrupt(self) -> None:
-        """Make a waiting :meth:`look` fail soon."""
-        ...
-
-    def close(self) -> None:
-        """Close what :meth:`look` opened; may be called again."""
-        ...
-
-
-class FolderRoot:
-    """A folder of scenes, or one scene."""
-
-    fetch_threads = 0
-    ahead_bytes = 0
-
-    def __init__(self, directory: Path) -> None:
-        self._directory = directory
-
-    def look(self) -> dict[str, Look]:
-        """See :class:`SceneRoot`."""
-        looks = {}
-        for scene_id, directory in list_scenes(self._directory).items():
-            files = FolderFiles(directory)
-            manifest = files.stamp(_MANIFEST)
-            if manifest is not None:  # else gone since it was listed
-                looks[scene_id] = Look(files, manifest, files.stamp(_LABELS))
-        return looks
-
-    def building(self) -> list[SceneBuilding]:
-        """See :class:`SceneRoot`."""
         return list_building(self._directory)
 
     def show_counts(self, registry: CollectorRegistry) -> None:
-        """Register nothing."""
+        """Register the metrics of object storage, where it is one."""
 
     def interrupt(self) -> None:
-        """Do nothing: a folder is read without waiting for a network."""
+        """Make a waiting :meth:`look` fail soon."""
 
     def close(self) -> None:
-        """Do nothing: nothing is open between two calls."""
+        """Close what :meth:`look` opened; may be called again."""
 
 
-class ObjectRoot:
+class ObjectRoot(SceneRoot):
     """An address of scenes, or of one scene, in object storage.
 
     Parameters
@@ -137,20 +105,12 @@ class ObjectRoot:
     def __init__(self, url: str, storage: ObjectStorage) -> None:
         self._url = url
         self._storage = storage
+        self.fetch_threads = storage.options.requests
+        self.ahead_bytes = storage.options.read_ahead_bytes
         self._files: dict[str, ObjectFiles] = {}
         self._seen: dict[str, Look] = {}
         self._missing: set[str] = set()
         self._has_answered = False
-
-    @property
-    def fetch_threads(self) -> int:
-        """Maximum number of concurrent requests."""
-        return self._storage.options.requests
-
-    @property
-    def ahead_bytes(self) -> int:
-        """Setting ``object_read_ahead_bytes``."""
-        return self._storage.options.read_ahead_bytes
 
     @property
     def storage(self) -> ObjectStorage:
@@ -216,7 +176,7 @@ def root_of(settings: Settings) -> SceneRoot:
         folder is not writable.
     """
     if settings.scenes_url is None:
-        return FolderRoot(settings.scenes_dir)
+        return SceneRoot(settings.scenes_dir)
     try:
         from terraport_store.object_files import ObjectStorage  # needs an extra
         from terraport_store.origin import ObjectOptions, Origin

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal, Self
+from typing import Final, Self
 from urllib.parse import quote
 
 import xxhash
@@ -20,7 +20,7 @@ from terraport_server.session.interface import PullView, SceneView
 from terraport_server.descriptors import is_shortage
 from terraport_server.logging import SomePerMinute, log
 from terraport_server.fair_queue import PickQueue
-from terraport_server.scenes.payload_reader import PayloadDesk
+from terraport_server.scenes.payload_reader import PayloadReader
 from terraport_server.session.interface import SegmentTable
 from terraport_store import (
     RegionNames,
@@ -73,14 +73,40 @@ class ServedScene:
     def __init__(
         self,
         scene_id: str,
-        scene: Scene,
-        names: RegionNames,
+        location: Path | SceneFiles,
         readers: Executor | None = None,
         *,
         fetch_threads: int = 0,
         ahead_bytes: int = 0,
-        pull_base: str | None = None,
+        pull_base_url: str | None = None,
     ) -> None:
+        """Open the published version and build its R-tree. Blocks: call it in a thread.
+
+        Parameters
+        ----------
+        scene_id
+        location
+        readers
+            Threads that may wait for the disk.
+        fetch_threads, ahead_bytes
+            See :class:`~terraport_server.scenes.roots.SceneRoot`.
+        pull_base_url
+            Address under which others serve the scenes' folders; without it packs are fetched from
+            this service, where they are files.
+
+        Raises
+        ------
+        StoreError
+            When the scene does not exist or is damaged.
+        OSError
+            When a file cannot be read.
+        """
+        scene, names = _open(scene_id, location)
+        pull_base = None
+        if pull_base_url is not None:
+            pull_base = f"{pull_base_url.rstrip('/')}/{quote(scene_id, safe='')}/"
+        elif not fetch_threads:
+            pull_base = f"scenes/{quote(scene_id, safe='')}/"
         self.id = scene_id
         self.scene = scene
         # Reads that may wait for a network have threads of this scene alone.
@@ -91,7 +117,7 @@ class ServedScene:
         if fetch_threads:
             self.fetchers = ThreadPoolExecutor(fetch_threads, thread_name_prefix="fetch")
             self.pickers = PickQueue(1)
-        self.desk = PayloadDesk(
+        self.payloads = PayloadReader(
             scene,
             readers,
             hold=self.hold,
@@ -130,70 +156,13 @@ class ServedScene:
             within=scene.within,
             pull=None if pull_base is None else _pull_view(scene, pull_base),
         )
-        # Memoryviews: one item of an array takes four times as long.
         self.hashes = index.xxh3.data
-        """xxh3 of each GLB."""
-        self.lengths = index.length.data
-        """Bytes of each GLB."""
+        """xxh3 of each GLB. A memoryview: one item of an array takes four times as long."""
         self._failures: dict[str, SomePerMinute] = {}
         """Rate limit of log lines by event."""
         self._holders = 0
         self._retired = False
         self.closed = False
-
-    @classmethod
-    def open(
-        cls,
-        scene_id: str,
-        location: Path | SceneFiles,
-        source: Literal["file", "mmap"],
-        readers: Executor | None = None,
-        *,
-        fetch_threads: int = 0,
-        ahead_bytes: int = 0,
-        pull_base_url: str | None = None,
-    ) -> ServedScene:
-        """Open the published version and build its R-tree. Blocks: call it in a thread.
-
-        ``fetch_threads`` and ``ahead_bytes`` are for scenes behind a network: see
-        :class:`~terraport_server.scenes.roots.SceneRoot`. ``pull_base_url`` is where others serve
-        the scenes' folders; without it packs are fetched from this service, where they are files.
-
-        Raises
-        ------
-        StoreError
-            When the scene is not there or not whole.
-        OSError
-            When a file cannot be read.
-        """
-        scene = Scene.open(location, source=source)
-        # Built here, while no other thread has the scene.
-        _ = scene.spatial
-        try:
-            names = RegionNames.of(scene.regions)
-        except (StoreError, OSError) as error:
-            if is_shortage(error):
-                scene.close()
-                raise
-            # The scene is served without names of regions.
-            log("regions not read", level=logging.ERROR, scene=scene_id, reason=str(error))
-            names = RegionNames()
-        # Facts about regions are for tools, which read the file; here they would take memory.
-        scene.__dict__.pop("regions", None)
-        pull_base = None
-        if pull_base_url is not None:
-            pull_base = f"{pull_base_url.rstrip('/')}/{quote(scene_id, safe='')}/"
-        elif not fetch_threads and source == "file":
-            pull_base = f"scenes/{quote(scene_id, safe='')}/"
-        return cls(
-            scene_id,
-            scene,
-            names,
-            readers,
-            fetch_threads=fetch_threads,
-            ahead_bytes=ahead_bytes,
-            pull_base=pull_base,
-        )
 
     @property
     def pack_path(self) -> str:
@@ -291,6 +260,23 @@ class ServedScene:
             for pool in (self.fetchers, self.pickers):
                 if pool is not None:
                     pool.shutdown(wait=False)
+
+
+def _open(scene_id: str, location: Path | SceneFiles) -> tuple[Scene, RegionNames]:
+    """Open a scene with its R-tree; where the regions cannot be read, without their names."""
+    scene = Scene.open(location)
+    _ = scene.spatial  # built here, while no other thread has the scene
+    try:
+        names = RegionNames.of(scene.regions)
+    except (StoreError, OSError) as error:
+        if is_shortage(error):
+            scene.close()
+            raise
+        log("regions not read", level=logging.ERROR, scene=scene_id, reason=str(error))
+        names = RegionNames()
+    # Facts about regions are for tools, which read the file; here they would take memory.
+    scene.__dict__.pop("regions", None)
+    return scene, names
 
 
 def _pull_view(scene: Scene, base: str) -> PullView | None:

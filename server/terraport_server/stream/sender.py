@@ -343,7 +343,7 @@ class Sender:
 
     def _next_frames(self) -> tuple[list[SendChunk], list[bytes | memoryview], list[int], int]:
         """Return frames of the next chunks, none where others go first; count compared segments."""
-        session, desk = self.session, self._served.desk
+        session, payloads = self.session, self._served.payloads
         chunks = session.next_chunks(self._batch_bytes)[:MAX_FRAMES]
         buffers: list[bytes | memoryview] = []
         ends: list[int] = []
@@ -355,9 +355,9 @@ class Sender:
             self._announced_bytes -= first.total - first.offset
             session.payload_failed(first, monotonic())
             return chunks, buffers, ends, 0
-        if desk.ahead_bytes:
+        if payloads.ahead_bytes:
             self._announce(first)
-        views, compared = desk.views(
+        views, compared = payloads.views(
             chunks,
             session.encoding,
             by_system_call=self._writer.descriptor >= 0,
@@ -393,11 +393,11 @@ class Sender:
         """Let the reader fetch what follows from storage, in pieces that it can fetch together."""
         if chunk.generation != self._announced_generation:
             self._announced_generation, self._announced_bytes = chunk.generation, 0
-        desk = self._served.desk
-        if self._announced_bytes <= desk.ahead_bytes // 2:
+        payloads = self._served.payloads
+        if self._announced_bytes <= payloads.ahead_bytes // 2:
             coming = self.session.upcoming(_MAX_ANNOUNCED)
-            known_bytes = desk.expect(coming, self.session.encoding)
-            is_rest = known_bytes < desk.ahead_bytes
+            known_bytes = payloads.expect(coming, self.session.encoding)
+            is_rest = known_bytes < payloads.ahead_bytes
             self._announced_bytes = _EVERYTHING_AHEAD if is_rest else known_bytes
 
     async def _fetch(self, chunk: SendChunk) -> None:
@@ -405,7 +405,7 @@ class Sender:
         self._metrics.payload_reads.inc()
         try:
             coming = self.session.upcoming(_MAX_ANNOUNCED)[1:]
-            await self._served.desk.fetch(chunk, self.session.encoding, coming)
+            await self._served.payloads.fetch(chunk, self.session.encoding, coming)
             self._fetched = chunk
         except (StoreError, OSError) as error:
             self._note_failure(chunk, error)

@@ -46,7 +46,7 @@ class SessionLog(Observer):
         self._metrics = metrics
         self._once = once
         self._session_id = session_id
-        self._desk = served.desk
+        self._payloads = served.payloads
         self._scene_id = served.id
         self._scene_label = metrics.scene_label(served.id)
         self._client_ip = client_ip
@@ -152,7 +152,7 @@ class SessionLog(Observer):
             self._metrics.stalled.inc(1 if stalled else -1)
 
     def rejected(self, message: Reject) -> None:
-        self._desk.doubted(message.segment, client_key(self._client_ip))
+        self._payloads.reject(message.segment, client_key(self._client_ip))
         self._metrics.rejected_segments.inc()
         kind = (self._client_ip, "segment_rejected")
         if self._once.first(kind, asyncio.get_running_loop().time()):

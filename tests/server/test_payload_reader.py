@@ -7,13 +7,13 @@ import os
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import pytest
 from server.grid_scene import GridScene, write_grid_scene
 
 from terraport_server.scenes import payload_reader
-from terraport_server.scenes.payload_reader import COMPARED_AT_ONCE
+from terraport_server.scenes.payload_reader import MAX_COMPARED
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.session.interface import SendChunk
 from terraport_store import CorruptPayloadError, RangeError
@@ -21,11 +21,21 @@ from terraport_store import CorruptPayloadError, RangeError
 
 @pytest.fixture(scope="module")
 def pit(tmp_path_factory: pytest.TempPathFactory) -> GridScene:
-    return write_grid_scene(tmp_path_factory.mktemp("desk") / "pit", cells=4)
+    return write_grid_scene(tmp_path_factory.mktemp("reader") / "pit", cells=4)
 
 
-def opened(pit: GridScene, source: Literal["file", "mmap"] = "file") -> ServedScene:
-    return ServedScene.open("pit", pit.path, source)
+def opened(pit: GridScene) -> ServedScene:
+    return ServedScene("pit", pit.path)
+
+
+def flip(pit: GridScene, served: ServedScene, segment: int) -> None:
+    """Flip one bit of a payload on the disk."""
+    where = served.scene.payload_range(segment, "glb", 0, 1)
+    assert where is not None
+    pack = next(pit.path.glob("v-*/*.pack"))
+    data = bytearray(pack.read_bytes())
+    data[where.offset + 9] ^= 1
+    pack.write_bytes(data)
 
 
 def whole(pit: GridScene, segment: int) -> SendChunk:
@@ -37,19 +47,18 @@ def ready(served: ServedScene, chunk: SendChunk, *, by_system_call: bool = True)
     """Return a chunk that was compared before and is in memory."""
     if not served.scene.is_verified(chunk.segment, "glb"):
         return None
-    views, _ = served.desk.views([chunk], "glb", by_system_call=by_system_call)
+    views, _ = served.payloads.views([chunk], "glb", by_system_call=by_system_call)
     return bytes(views[0]) if views else None
 
 
-@pytest.mark.parametrize("source", ["file", "mmap"])
 @pytest.mark.parametrize("by_system_call", [True, False])
 def test_a_part_of_a_segment_is_handed_out_once_it_was_checked(
-    pit: GridScene, source: Literal["file", "mmap"], by_system_call: bool
+    pit: GridScene, by_system_call: bool
 ) -> None:
     async def story() -> None:
-        served = opened(pit, source)
+        served = opened(pit)
         chunk = whole(pit, 3)
-        await served.desk.fetch(chunk, "glb")
+        await served.payloads.fetch(chunk, "glb")
         assert ready(served, chunk, by_system_call=by_system_call) == pit.payloads[3]
         within = chunk._replace(offset=10, length=20)
         assert ready(served, within, by_system_call=by_system_call) == pit.payloads[3][10:30]
@@ -68,7 +77,7 @@ def test_clients_that_want_the_same_wait_for_one_read(
         reads: list[int] = []
         go = threading.Event()
         with ThreadPoolExecutor(4) as readers:
-            served = ServedScene.open("pit", pit.path, "file", readers)
+            served = ServedScene("pit", pit.path, readers)
             payload = served.scene.payload
 
             def slow(segment: int, *arguments: Any, **options: Any) -> bytes | memoryview:
@@ -78,7 +87,7 @@ def test_clients_that_want_the_same_wait_for_one_read(
 
             monkeypatch.setattr(served.scene, "payload", slow)
             chunk = whole(pit, 1)
-            waiting = [asyncio.create_task(served.desk.fetch(chunk, "glb")) for _ in range(5)]
+            waiting = [asyncio.create_task(served.payloads.fetch(chunk, "glb")) for _ in range(5)]
             await asyncio.sleep(0.05)
             waiting[0].cancel()
             served.retire()
@@ -99,18 +108,13 @@ def test_a_flipped_byte_is_found_at_first_and_after_distrust(tmp_path: Path) -> 
         pit = write_grid_scene(tmp_path / "pit", cells=2)
         served = opened(pit)
         chunk = whole(pit, 2)
-        await served.desk.fetch(chunk, "glb")
-        where = served.scene.payload_range(2, "glb", 0, 1)
-        assert where is not None
-        pack = next(pit.path.glob("v-*/*.pack"))
-        data = bytearray(pack.read_bytes())
-        data[where.offset + 9] ^= 1
-        pack.write_bytes(data)
+        await served.payloads.fetch(chunk, "glb")
+        flip(pit, served, 2)
         assert ready(served, chunk) is not None  # when it was checked, it was right
-        served.desk.distrust(2)
+        served.payloads.distrust(2)
         assert ready(served, chunk) is None
         with pytest.raises(CorruptPayloadError, match="segment 2 has hash"):
-            await served.desk.fetch(chunk, "glb")
+            await served.payloads.fetch(chunk, "glb")
         assert ready(served, chunk) is None
         served.retire()
 
@@ -124,12 +128,12 @@ def test_rejects_without_end_have_few_segments_compared_again(tmp_path: Path) ->
         pit = write_grid_scene(tmp_path / "pit", cells=8)
         served = opened(pit)
         for segment in range(36):
-            await served.desk.fetch(whole(pit, segment), "glb")
+            await served.payloads.fetch(whole(pit, segment), "glb")
         for segment in range(36):
-            served.desk.doubted(segment, "127.0.0.2")
+            served.payloads.reject(segment, "127.0.0.2")
         again = [segment for segment in range(36) if not served.scene.is_verified(segment, "glb")]
         assert again == list(range(20))
-        served.desk.doubted(35, "127.0.0.3")  # each address has its own
+        served.payloads.reject(35, "127.0.0.3")  # each address has its own
         assert not served.scene.is_verified(35, "glb")
         served.retire()
 
@@ -142,39 +146,14 @@ def test_a_pack_cut_short_is_told(tmp_path: Path) -> None:
         served = opened(pit)
         last = len(pit.payloads) - 1
         chunk = whole(pit, last)
-        await served.desk.fetch(chunk, "glb")
+        await served.payloads.fetch(chunk, "glb")
         pack = next(pit.path.glob("v-*/*.pack"))
         os.truncate(pack, pack.stat().st_size - len(pit.payloads[last]))
         assert ready(served, chunk) is None
         assert ready(served, chunk, by_system_call=False) is None
         with pytest.raises(RangeError):
-            await served.desk.fetch(chunk, "glb")
+            await served.payloads.fetch(chunk, "glb")
         served.retire()
-
-    asyncio.run(story())
-
-
-def test_what_follows_is_compared_together(pit: GridScene) -> None:
-    """A landing of thirty new segments was thirty waits for a thread, one after the other."""
-
-    class Counted(ThreadPoolExecutor):
-        jobs = 0
-
-        def submit(self, *arguments: Any, **options: Any) -> Any:
-            self.jobs += 1
-            return super().submit(*arguments, **options)
-
-    async def story() -> None:
-        with Counted(2) as readers:
-            served = ServedScene.open("pit", pit.path, "file", readers)
-            count = len(pit.payloads)
-            for segment in range(count):
-                chunk = whole(pit, segment)
-                if ready(served, chunk) is None:
-                    await served.desk.fetch(chunk, "glb", range(segment + 1, count))
-            assert readers.jobs == 2, "the first, and all others"
-            served.retire()
-            assert served.closed
 
     asyncio.run(story())
 
@@ -189,13 +168,13 @@ def test_what_is_in_the_page_cache_waits_for_no_thread(tmp_path: Path) -> None:
     async def story() -> None:
         pit = write_grid_scene(tmp_path / "pit", cells=4)
         with NoThreads(1) as readers:
-            served = ServedScene.open("pit", pit.path, "file", readers)
+            served = ServedScene("pit", pit.path, readers)
             count = len(pit.payloads)
-            assert count == COMPARED_AT_ONCE + 4
+            assert count == MAX_COMPARED + 4
             chunks = [whole(pit, segment) for segment in range(count)]
-            views, compared = served.desk.views(chunks, "glb", by_system_call=True)
-            assert (len(views), compared) == (COMPARED_AT_ONCE, COMPARED_AT_ONCE)
-            views, compared = served.desk.views(chunks, "glb", by_system_call=True)
+            views, compared = served.payloads.views(chunks, "glb", by_system_call=True)
+            assert (len(views), compared) == (MAX_COMPARED, MAX_COMPARED)
+            views, compared = served.payloads.views(chunks, "glb", by_system_call=True)
             assert (len(views), compared) == (count, 4), "no segment is compared twice"
             assert [bytes(view) for view in views] == list(pit.payloads)
             served.retire()
@@ -209,44 +188,15 @@ def test_nothing_wrong_or_too_long_is_handed_out_by_the_loop(
     async def story() -> None:
         pit = write_grid_scene(tmp_path / "pit", cells=4)
         served = opened(pit)
-        where = served.scene.payload_range(2, "glb", 0, 1)
-        assert where is not None
-        pack = next(pit.path.glob("v-*/*.pack"))
-        data = bytearray(pack.read_bytes())
-        data[where.offset + 9] ^= 1
-        pack.write_bytes(data)
+        flip(pit, served, 2)
         chunks = [whole(pit, segment) for segment in range(4)]
-        views, _ = served.desk.views(chunks, "glb", by_system_call=True)
+        views, _ = served.payloads.views(chunks, "glb", by_system_call=True)
         assert len(views) == 2
         assert not served.scene.is_verified(2, "glb")
         with pytest.raises(CorruptPayloadError, match="segment 2 has hash"):
-            await served.desk.fetch(chunks[2], "glb")
-        monkeypatch.setattr(payload_reader, "LARGEST_COMPARED_BYTES", len(pit.payloads[3]) - 1)
-        assert served.desk.views(chunks[3:], "glb", by_system_call=True) == ([], 0)
+            await served.payloads.fetch(chunks[2], "glb")
+        monkeypatch.setattr(payload_reader, "MAX_COMPARED_BYTES", len(pit.payloads[3]) - 1)
+        assert served.payloads.views(chunks[3:], "glb", by_system_call=True) == ([], 0)
         served.retire()
-
-    asyncio.run(story())
-
-
-def test_a_wrong_one_among_what_follows_fails_by_itself(tmp_path: Path) -> None:
-    async def story() -> None:
-        pit = write_grid_scene(tmp_path / "pit", cells=2)
-        with ThreadPoolExecutor(1) as readers:
-            served = ServedScene.open("pit", pit.path, "file", readers)
-            where = served.scene.payload_range(2, "glb", 0, 1)
-            assert where is not None
-            pack = next(pit.path.glob("v-*/*.pack"))
-            data = bytearray(pack.read_bytes())
-            data[where.offset + 9] ^= 1
-            pack.write_bytes(data)
-            await served.desk.fetch(whole(pit, 0), "glb", (1, 2, 3))
-            await served.desk.fetch(whole(pit, 3), "glb")
-            for good in (0, 1, 3):
-                assert ready(served, whole(pit, good)) is not None
-            assert ready(served, whole(pit, 2)) is None
-            with pytest.raises(CorruptPayloadError):
-                await served.desk.fetch(whole(pit, 2), "glb")
-            served.retire()
-            assert served.closed
 
     asyncio.run(story())
