@@ -119,7 +119,7 @@ class Settings(BaseSettings):
     """Names that this service is called by, beside addresses and localhost; asked only where it is
     open, on this machine alone, and not said to be so (allow_open)."""
     viewer: bool = True
-    """Whether / is the viewer, where it is built; else a list of the scenes."""
+    """Whether / is the viewer, where it is built."""
     viewer_dir: Path | None = None
     """Folder of another built viewer; none = the one that this installation brings."""
     frame_ancestors: tuple[Annotated[str, Field(pattern=_FRAME_ANCESTOR)], ...] = ()

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import html
 import json
 import os
-import re
 import shutil
 import time
 from collections.abc import Iterator
@@ -71,7 +69,7 @@ def test_links_can_be_resolved_whatever_a_scene_is_called(grid: GridScene, tmp_p
     for name in NAMES:
         shutil.copytree(grid.path, tmp_path / name)
         (tmp_path / name / "report.html").write_text(name)
-    with BackgroundServer(tmp_path, viewer=False) as server:
+    with BackgroundServer(tmp_path) as server:
         root = f"{server.url}/"
 
         def get(link: str) -> bytes:
@@ -95,10 +93,6 @@ def test_links_can_be_resolved_whatever_a_scene_is_called(grid: GridScene, tmp_p
                 assert client.hello().scene.id == line["id"]
         selves = {line["links"]["self"] for line in listed}
         assert selves == {f"scenes/{quote(name, safe='')}" for name in NAMES}
-        hrefs = re.findall(r'<a href="(scenes/[^"]+)">', get("").decode())
-        assert len(hrefs) == 2 * len(NAMES)
-        for href in hrefs:
-            get(html.unescape(href))
 
 
 def contents_of(tile: dict[str, Any]) -> Iterator[str]:

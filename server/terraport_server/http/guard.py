@@ -21,8 +21,8 @@ _EVERYWHERE: Final = (
 )
 """Headers of every response."""
 
-# Of pages without a policy of their own (the list of scenes, a build's report): their pictures and
-# styles are inline, and they have no scripts.
+# Of pages without a policy of their own, a build's report: its pictures and styles are inline, and
+# it has no scripts.
 _PAGE_POLICY: Final = (
     b"default-src 'none'; img-src data:; style-src 'unsafe-inline'; frame-ancestors 'none'; "
     b"base-uri 'none'; form-action 'none'"

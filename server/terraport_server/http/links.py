@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import contextlib
 from typing import Any, Final
 from urllib.parse import quote
 
@@ -15,9 +15,9 @@ __all__ = [
     "building_line",
     "has_local_file",
     "links_of",
+    "scene_line",
     "scene_path",
     "service_links",
-    "summary_of",
 ]
 
 _BUILD_FILES: Final = (
@@ -34,42 +34,11 @@ def scene_path(scene_id: str) -> str:
 
 
 def links_of(served: ServedScene) -> dict[str, str]:
-    """Return the links of a scene; not to be changed.
+    """Return the links of a scene.
 
     Those to the build's report and preview are included where the file exists, and always for a
     scene in object storage, where that is not known without a request.
     """
-    return _described(served)[0]
-
-
-def summary_of(served: ServedScene) -> bytes:
-    """Return the line of a scene in the list of scenes, as JSON."""
-    return _described(served)[1]
-
-
-def _described(served: ServedScene) -> tuple[dict[str, str], bytes]:
-    """Return links and line, cached until a file comes to the scene's folder or goes.
-
-    Otherwise each list of ten thousand scenes would look for three files of each.
-    """
-    return served.cached_description(lambda: _find(served))
-
-
-def _find(served: ServedScene) -> tuple[dict[str, str], bytes]:
-    links = _find_links(served)
-    manifest = served.scene.manifest
-    summary = {
-        "id": served.id,
-        "name": manifest.name,
-        "version": served.version,
-        "segments": manifest.counts.segments,
-        "detail_faces": manifest.counts.detail_faces,
-        "links": links,
-    }
-    return links, json.dumps(summary, ensure_ascii=False, separators=(",", ":")).encode()
-
-
-def _find_links(served: ServedScene) -> dict[str, str]:
     root, query = scene_path(served.id), f"?v={served.version}"
     links = {
         "self": root,
@@ -83,10 +52,27 @@ def _find_links(served: ServedScene) -> dict[str, str]:
     }
     if OVERVIEW in served.scene.manifest.files:
         links["overview"] = f"{root}/{OVERVIEW}{query}"
+    names: set[str] = set()
+    if served.fetchers is None:
+        with contextlib.suppress(OSError):  # the folder was deleted
+            names = {path.name for path in served.scene.path.iterdir()}
     for link, path, name in _BUILD_FILES:
-        if served.fetchers is not None or has_local_file(served, name):
+        if served.fetchers is not None or (name in names and has_local_file(served, name)):
             links[link] = f"{root}/{path}"
     return links
+
+
+def scene_line(served: ServedScene) -> dict[str, Any]:
+    """Return the line of a scene in the list of scenes."""
+    manifest = served.scene.manifest
+    return {
+        "id": served.id,
+        "name": manifest.name,
+        "version": served.version,
+        "segments": manifest.counts.segments,
+        "detail_faces": manifest.counts.detail_faces,
+        "links": links_of(served),
+    }
 
 
 def has_local_file(served: ServedScene, name: str) -> bool:

@@ -22,9 +22,9 @@ from terraport_server.http.links import (
     building_line,
     has_local_file,
     links_of,
+    scene_line,
     scene_path,
     service_links,
-    summary_of,
 )
 from terraport_server.http.payloads import pack_routes, payload_routes
 from terraport_server.http.responses import (
@@ -92,13 +92,17 @@ def _list_pieces(service: Service, token_pass: TokenPass) -> Iterator[bytes]:
         if not token_pass.opens(scene_id):
             continue
         with contextlib.suppress(UnknownSceneError):  # removed while the list was sent
-            yield (b"" if is_first else b",") + summary_of(registry.get(scene_id))
+            yield (b"" if is_first else b",") + _json(scene_line(registry.get(scene_id)))
             is_first = False
     rest: dict[str, Any] = {"links": service_links(service.settings)}
     building = [build for build in registry.building if token_pass.opens(build.id)]
     if building:
         rest["building"] = [building_line(build) for build in building]
-    yield b"]," + json.dumps(rest, ensure_ascii=False).encode()[1:]
+    yield b"]," + _json(rest)[1:]
+
+
+def _json(value: dict[str, Any]) -> bytes:
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":")).encode()
 
 
 @_router.get("/scenes/{scene_id}", summary="One scene: its manifest and addresses")

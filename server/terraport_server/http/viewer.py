@@ -1,4 +1,4 @@
-"""The web viewer at ``/`` with its files; where it is not built, a list of the scenes.
+"""The web viewer at ``/`` with its files.
 
 Its files are public, also where tokens are required: they contain no scene, and the viewer asks its
 user for the token. They are read once, at the start: 2 MB. The build writes compressed twins
@@ -7,7 +7,6 @@ user for the token. They are read once, at the start: 2 MB. The build writes com
 
 from __future__ import annotations
 
-import html
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,10 +14,9 @@ from typing import Final
 
 import xxhash
 from fastapi import APIRouter, Request, Response
-from fastapi.responses import HTMLResponse
+from fastapi.responses import HTMLResponse, PlainTextResponse
 from starlette.exceptions import HTTPException
 
-from terraport_server.http.links import links_of, scene_path, service_links
 from terraport_server.http.responses import CHECK, FOREVER, ServiceOfRequest, is_unchanged
 from terraport_server.service import Service
 from terraport_server.settings import Settings
@@ -145,25 +143,22 @@ PERMISSIONS: Final = (
     "xr-spatial-tracking=(self), camera=(), geolocation=(), microphone=(), payment=(), usb=()"
 )
 
-_NOT_BUILT: Final = (
-    "<p>The viewer is not part of this installation. In a checkout, <code>pip install -e .</code> "
-    "builds it (Node comes from the system or from PyPI); a released wheel brings it.</p>"
+_NO_VIEWER: Final = (
+    "This service has no viewer. Its scenes: GET /scenes. In a checkout, `pip install -e .` builds "
+    "the viewer; a released wheel contains it.\n"
 )
-
-MOST_LISTED: Final = 100
-"""Maximum number of scenes on the list page: each takes .03 ms per request."""
 
 viewer_routes = APIRouter()
 """To be added after all other routes."""
 
 
 @viewer_routes.head("/", include_in_schema=False)
-@viewer_routes.get("/", summary="The viewer; without one, the scenes", response_class=HTMLResponse)
+@viewer_routes.get("/", summary="The viewer", response_class=HTMLResponse)
 async def get_page(request: Request, service: ServiceOfRequest) -> Response:
-    """Return the viewer's page, or a list, with scenes only where no token is required."""
+    """Return the viewer's page; 404 where it is switched off or not built."""
     viewer: ViewerPage | None = request.app.state.viewer
     if viewer is None:
-        return HTMLResponse(_list_page(service), headers={"Cache-Control": CHECK})
+        return PlainTextResponse(_NO_VIEWER, 404)
     return _answer(request, service, viewer.index)
 
 
@@ -204,32 +199,6 @@ def _answer(request: Request, service: Service, file: PageFile) -> Response:
     if coding:
         headers["Content-Encoding"] = coding
     return Response(file.forms[coding], media_type=file.media_type, headers=headers)
-
-
-def _list_page(service: Service) -> str:
-    rows = []
-    scene_ids = service.registry.ids() if service.gate.is_open else []
-    for scene_id in scene_ids[:MOST_LISTED]:
-        served = service.registry.get(scene_id)
-        name, path = html.escape(served.scene.manifest.name), scene_path(scene_id)
-        counts = served.scene.manifest.counts
-        report = f' · <a href="{path}/report">report</a>' if "report" in links_of(served) else ""
-        rows.append(
-            f'<li><a href="{path}">{name}</a>: {counts.segments:,} segments, '
-            f"{counts.detail_faces:,} triangles{report}</li>"
-        )
-    if len(scene_ids) > MOST_LISTED:
-        rows.append(f'<li>and {len(scene_ids) - MOST_LISTED:,} more: <a href="scenes">all</a></li>')
-    listed = "\n".join(rows) or "<li>none to show; GET /scenes with a token lists them</li>"
-    links = [
-        f'<a href="{path}">{"API" if name == "docs" else name}</a>'
-        for name, path in service_links(service.settings).items()
-    ]
-    return (
-        '<!doctype html><html lang="en"><meta charset="utf-8"><title>terraport</title>'
-        f"<h1>terraport</h1><ul>\n{listed}\n</ul>"
-        f"<p>{' · '.join(links)}</p>{_NOT_BUILT if service.settings.viewer else ''}</html>\n"
-    )
 
 
 def _read(folder: Path) -> Iterator[PageFile]:

@@ -37,13 +37,6 @@ _FAILURES_PER_MINUTE: Final = 6
 """Log lines about unreadable segments of a scene: for a lost pack they are all the same."""
 
 
-_SETTLED_S: Final = 1.0
-"""Age from which a folder's time is trusted: younger changes may share one time stamp."""
-
-_Description = tuple[dict[str, str], bytes]
-"""Links, and the line in the list of scenes."""
-
-
 @dataclass(frozen=True, slots=True)
 class LabelsFile:
     """Labels of users by stable id, and the response with them."""
@@ -130,10 +123,6 @@ class ServedScene:
         """Stable ids and labels; replaced as a whole when labels change, so any thread may read."""
         self.labels_file = _NO_LABELS
         """Response of ``labels.json``, encoded once."""
-        self._description: tuple[int, _Description] | None = None
-        """Cached description, and the folder's time stamp then."""
-        self._seen_since = (-1, 0.0)
-        """Time stamp of the folder, and when by the monotonic clock it was first seen."""
         self.manifest_json = scene.manifest.model_dump_json().encode()
         self.version = scene.manifest.version
         index = scene.rows
@@ -214,25 +203,6 @@ class ServedScene:
                 reason=str(error) or repr(error),
                 lines_left_out=left_out or None,
             )
-
-    def cached_description(self, find: Callable[[], _Description]) -> _Description:
-        """Return the result of *find*, cached while the scene's folder does not change.
-
-        A scene in object storage has no folder: its description never changes.
-        """
-        stamp = 0
-        if self.fetchers is None:
-            with contextlib.suppress(OSError):
-                stamp = self.scene.path.stat().st_mtime_ns
-        if self._description is not None and self._description[0] == stamp:
-            return self._description[1]
-        found = find()
-        now_s = time.monotonic()
-        if self._seen_since[0] != stamp:
-            self._seen_since = stamp, now_s
-        elif now_s - self._seen_since[1] > _SETTLED_S:
-            self._description = stamp, found
-        return found
 
     def use_labels(self, kept: LabelsFile) -> None:
         """Replace the labels."""
