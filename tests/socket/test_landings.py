@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import socket
 
 import msgpack
 import numpy as np
@@ -245,3 +246,21 @@ def test_bye_is_answered_with_a_normal_close(server: BackgroundServer) -> None:
         client.hello()
         client.send(Bye())
         assert client.closed() == 1000
+
+
+def test_pings_and_slow_reading_leave_the_stream_whole(
+    server: BackgroundServer, big: GridScene
+) -> None:
+    """Sockets take parts of frames; pongs go between frames."""
+    with PlainClient(server.scene_url("big"), max_queue=1) as client:
+        client.socket.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 14)
+        client.hello()
+        client.send(land(1))
+        frames, pongs = [], []
+        while not isinstance(got := client.receive(), Ready):
+            if isinstance(got, PayloadFrame):
+                frames.append(got)
+                if len(frames) % 5 == 0:
+                    pongs.append(client.socket.ping())
+        assert all(pong.wait(5) for pong in pongs)
+    assert assemble(frames) == dict(enumerate(big.payloads))
