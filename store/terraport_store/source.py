@@ -26,6 +26,9 @@ __all__ = [
 _NOWAIT: Final = getattr(os, "RWF_NOWAIT", 0)
 """Linux 4.14: fail instead of waiting for the disk. Elsewhere a read may wait."""
 
+_READ_AHEAD_BYTES: Final = 128 << 10
+"""Bytes that the kernel usually reads together: of so few, one page tells for all."""
+
 _PROBE: Final = [bytearray(1)]
 """Destination of reads that only find out whether a page is in memory."""
 
@@ -162,9 +165,12 @@ class FileSource:
         return memoryview(mmap.mmap(self._descriptor, 0, access=mmap.ACCESS_READ))
 
     def view(self, offset: int, length: int) -> memoryview | None:
-        """Return a view of the mapped pack if its last page is in memory; see `PayloadSource`."""
-        check_range(offset, length, self._size)
+        """Return a view of the mapped pack if its ends are in memory; see `PayloadSource`."""
+        if offset < 0 or length <= 0 or offset + length > self._size:
+            raise RangeError(offset, length, self._size)
         try:
+            if length > _READ_AHEAD_BYTES:
+                os.preadv(self._descriptor, _PROBE, offset, _NOWAIT)
             # Of a file cut short there is no last byte, and nothing is read.
             if not os.preadv(self._descriptor, _PROBE, offset + length - 1, _NOWAIT):
                 return None

@@ -116,8 +116,10 @@ class PayloadReader:
                     break
                 compared += 1
             view = scene.view(segment, encoding, offset, length) if by_system_call else None
-            if view is None and (chunk == fetched or not by_system_call):
-                view = self._copy(chunk, encoding, may_wait=chunk == fetched)
+            if view is None:
+                is_fetched = fetched is not None and chunk[:3] == fetched[:3]
+                if is_fetched or not by_system_call:
+                    view = self._copy(chunk, encoding, may_wait=is_fetched)
             if view is None:
                 break
             views.append(view)

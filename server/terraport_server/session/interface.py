@@ -130,8 +130,9 @@ class SendMessage:
 class SendChunk(NamedTuple):
     """Send ``length`` payload bytes of a segment from ``offset``.
 
-    Report the outcome before any other call on the session: ``chunks_sent`` once verified bytes are
-    handed to the socket, else ``payload_failed``.
+    In frames of at most `MAX_CHUNK_BYTES`. Report the outcome before any other call on the session:
+    ``chunks_sent`` once verified bytes are handed to the socket, of the last chunk perhaps fewer,
+    else ``payload_failed``.
     """
 
     generation: int

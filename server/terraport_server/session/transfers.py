@@ -9,6 +9,7 @@ from array import array
 from bisect import bisect
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
+from typing import Final
 
 import numpy as np
 
@@ -31,6 +32,9 @@ from terraport_wire import (
 )
 
 __all__ = ["Transfers"]
+
+_MAX_CHUNKS: Final = 240
+"""Chunks returned at once: the writer takes 250 frames, and a megabyte has 8 of full length."""
 
 
 class IdQueue:
@@ -522,24 +526,24 @@ class Transfers:
         transfer, credit_bytes = self._sending(), self.credit_bytes
         if transfer is None or credit_bytes <= 0:
             return []
-        chunks, lengths = [], self._table.lengths
+        chunks, lengths, partly_sent = [], self._table.lengths, self._partly_sent
         generation, landing = transfer.generation, transfer is self._landing
         for segment in transfer.queue:
-            total, offset = int(lengths[segment]), self._partly_sent.get(segment, 0)
-            while offset < total:
-                length = min(MAX_CHUNK_BYTES, total - offset, credit_bytes)
-                chunks.append(SendChunk(generation, segment, offset, length, total, landing))
-                offset += length
-                credit_bytes -= length
-                most_bytes -= length
-                if credit_bytes <= 0 or most_bytes <= 0:
-                    return chunks
+            total, offset = int(lengths[segment]), partly_sent.get(segment, 0)
+            # Whole frames, but for the end of the segment or of the credit.
+            whole_bytes = -(-most_bytes // MAX_CHUNK_BYTES) * MAX_CHUNK_BYTES
+            length = min(total - offset, credit_bytes, whole_bytes)
+            chunks.append(SendChunk(generation, segment, offset, length, total, landing))
+            credit_bytes -= length
+            most_bytes -= length
+            if credit_bytes <= 0 or most_bytes <= 0 or len(chunks) == _MAX_CHUNKS:
+                break
         return chunks
 
     def chunks_sent(self, chunks: Sequence[SendChunk], now_s: float) -> None:
         """Record as sent the leading chunks of the newest :meth:`next_chunks`."""
         transfer = self._answering(chunks[0])
-        sent_bytes = sum(chunk.length for chunk in chunks)
+        sent_bytes = sum([chunk.length for chunk in chunks])
         self.credit_bytes -= sent_bytes
         transfer.payload_bytes += sent_bytes
         if isinstance(transfer, Landing):
@@ -680,6 +684,8 @@ class Transfers:
 
     def _waste_aimed(self, segments: Iterable[int]) -> None:
         """Settle aimed payload as wasted: evicted, rejected or not in a plan."""
+        if not self._aim_bytes:
+            return
         wasted = sum(self._aim_bytes.pop(segment, 0) for segment in segments)
         if wasted:
             self._observer.aim_ended(wasted, 0)

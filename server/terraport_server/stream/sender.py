@@ -25,7 +25,7 @@ from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.session.interface import Close, MakePlan, RunPick, SendChunk, SendMessage
 from terraport_server.session.session import Session
 from terraport_server.stream.connection import REFUSED_CLOSE_S, Connection
-from terraport_server.stream.frame_writer import MAX_FRAMES, message_header
+from terraport_server.stream.frame_writer import message_header
 from terraport_server.stream.scheduler import TURN_BYTES, Rank, SendScheduler, rank_of
 from terraport_store import CorruptPayloadError, StoreError
 from terraport_wire import (
@@ -52,6 +52,9 @@ _EVERYTHING_AHEAD: Final = 1 << 62
 _MAX_ANNOUNCED: Final = 512
 """Segments that are announced to the payload reader at once."""
 
+_FREE_MESSAGE_BYTES: Final = 4 << 10
+"""Longest message whose CPU time is not measured: the rate of messages bounds it."""
+
 _SHORTEST_TICK_S: Final = 0.002
 
 PickRunner = Callable[[ServedScene, RunPick, Account], Awaitable[Hit | None]]
@@ -64,6 +67,36 @@ class SenderLimits:
     max_message_bytes: int
     max_pending_actions: int
     close_timeout_s: float
+
+
+class _Frames:
+    """Frames of one ``writev``."""
+
+    __slots__ = ("_end", "_payload_end", "buffers", "ends", "payload_ends")
+
+    def __init__(self) -> None:
+        self.buffers: list[bytes | memoryview] = []
+        self.ends: list[int] = []
+        """Bytes on the wire up to the end of each frame."""
+        self.payload_ends: list[int] = []
+        self._end = self._payload_end = 0
+
+    def add(self, chunk: SendChunk, view: memoryview) -> None:
+        """Add the frames of a chunk."""
+        generation, segment, offset, length, total, _ = chunk
+        buffers, end, payload_end = self.buffers, self._end, self._payload_end
+        for at in range(0, length, MAX_CHUNK_BYTES):
+            size = min(MAX_CHUNK_BYTES, length - at)
+            header = message_header(HEADER_BYTES + size) + frame_header(
+                generation=generation, segment=segment, offset=offset + at, total=total, length=size
+            )
+            buffers.append(header)
+            buffers.append(view if size == length else view[at : at + size])
+            end += len(header) + size
+            payload_end += size
+            self.ends.append(end)
+            self.payload_ends.append(payload_end)
+        self._end, self._payload_end = end, payload_end
 
 
 class Sender:
@@ -118,7 +151,9 @@ class Sender:
         self._timer: asyncio.TimerHandle | None = None
         self._timer_due_s = 0.0
         self._is_closing = False
-        self._batch_bytes = 2 * MAX_CHUNK_BYTES
+        is_copied = self._writer.descriptor < 0
+        self._most_batch_bytes = MAX_CHUNK_BYTES if is_copied else TURN_BYTES
+        self._batch_bytes = min(4 * MAX_CHUNK_BYTES, self._most_batch_bytes)
         """Payload of the next ``writev``: twice what the socket took last."""
         self._fetched: SendChunk | None = None
         """Chunk that was brought into memory last."""
@@ -130,6 +165,8 @@ class Sender:
         self._generation = -1
         """Of the payload that was sent last."""
         self._generation_bytes = 0
+        self._is_landing = True
+        self._last_rank = Rank.LANDING
 
     async def run(self) -> None:
         """Serve until the connection or the session is over.
@@ -165,12 +202,14 @@ class Sender:
         if self.session.closing or self._over.done():
             return True
         text = event.get("text")
-        now_s, began_s = monotonic(), thread_time()
+        data = event["bytes"] if text is None else text
+        began_s = thread_time() if len(data) > _FREE_MESSAGE_BYTES else None
         try:
-            self._take(event["bytes"] if text is None else text, now_s)
+            self._take(data, monotonic())
         except Exception as error:  # noqa: BLE001 - ends the session
             self._end(error)
-        self._plans.charge(self.account, began_s)
+        if began_s is not None:
+            self._plans.charge(self.account, began_s)
         self.pump()
         self._set_timer()
         return self._has_room
@@ -311,53 +350,61 @@ class Sender:
         return used_bytes, rank
 
     def _send_turn(self) -> tuple[int, Rank | None]:
-        writer, used_bytes = self._writer, 0
-        self._is_waiting, last = False, None
-        while used_bytes < TURN_BYTES and writer.is_writable and not self._over.done():
-            chunks, buffers, ends, compared = self._next_frames()
-            last = chunks[0] if buffers else None
-            if last is None:
+        writer, sent_bytes, compared_bytes = self._writer, 0, 0
+        self._is_waiting, chunks = False, []
+        while (
+            sent_bytes + compared_bytes < TURN_BYTES
+            and writer.is_writable
+            and not self._over.done()
+        ):
+            chunks = self.session.next_chunks(self._batch_bytes)
+            frames = _Frames()
+            if chunks and not self._has_failed(chunks[0]):
+                compared_bytes += _COMPARED_AS_BYTES * self._frame(chunks, frames)
+            if not frames.ends:
+                chunks = []
                 break
-            taken = writer.send_frames(buffers, ends)
-            payload_bytes = self._note_sent(chunks[:taken]) if taken else 0
-            used_bytes += payload_bytes + compared * _COMPARED_AS_BYTES
-            self._batch_bytes = max(MAX_CHUNK_BYTES, min(TURN_BYTES, 2 * payload_bytes))
-            (self._metrics.land_bytes if last.landing else self._metrics.aim_bytes).inc(
-                payload_bytes
-            )
+            taken = writer.send_frames(frames.buffers, frames.ends)
+            if taken:
+                payload_bytes = frames.payload_ends[taken - 1]
+                self._note_sent(chunks, payload_bytes)
+                sent_bytes += payload_bytes
+                self._batch_bytes = min(self._most_batch_bytes, 2 * payload_bytes)
+        if sent_bytes:
+            is_landing = self._is_landing
+            (self._metrics.land_bytes if is_landing else self._metrics.aim_bytes).inc(sent_bytes)
+        if chunks:
+            self._last_rank = self._rank(chunks[0])
         if writer.is_full:
             self._is_waiting = True
             writer.when_writable(self._ask_again)
-        elif last is not None and used_bytes >= TURN_BYTES:
+        elif chunks and writer.is_writable:
             self._is_waiting = True
-            return used_bytes, self._rank(last)
-        return used_bytes, None
+            return sent_bytes + compared_bytes, self._last_rank
+        return sent_bytes + compared_bytes, None
 
     def _ask_again(self) -> None:
-        """Ask for a turn, where the session still has payload to send."""
-        chunks = self.session.next_chunks(1)
-        if chunks and self._writer.is_writable:
-            self._scheduler.ask(self._rank(chunks[0]), self._burst)
+        """Ask for another turn: the socket has room, or the client is gone."""
+        if self._writer.is_writable:
+            self._scheduler.ask(self._last_rank, self._burst)
         else:
             self._go_on()
 
-    def _next_frames(self) -> tuple[list[SendChunk], list[bytes | memoryview], list[int], int]:
-        """Return frames of the next chunks, none where others go first; count compared segments."""
-        session, payloads = self.session, self._served.payloads
-        chunks = session.next_chunks(self._batch_bytes)[:MAX_FRAMES]
-        buffers: list[bytes | memoryview] = []
-        ends: list[int] = []
-        if not chunks:
-            return chunks, buffers, ends, 0
-        first = chunks[0]
-        if first.segment == self._failed:
-            self._failed = None
-            self._announced_bytes -= first.total - first.offset
-            session.payload_failed(first, monotonic())
-            return chunks, buffers, ends, 0
-        if payloads.ahead_bytes:
-            self._announce(first)
-        views, compared = payloads.views(
+    def _has_failed(self, chunk: SendChunk) -> bool:
+        """Report a segment that could not be read."""
+        if chunk.segment != self._failed:
+            return False
+        self._failed = None
+        self._announced_bytes -= chunk.total - chunk.offset
+        self.session.payload_failed(chunk, monotonic())
+        return True
+
+    def _frame(self, chunks: list[SendChunk], frames: _Frames) -> int:
+        """Add frames of chunks up to the first that is not in memory; count compared segments."""
+        session, reader = self.session, self._served.payloads
+        if reader.ahead_bytes:
+            self._announce(chunks[0])
+        views, compared = reader.views(
             chunks,
             session.encoding,
             by_system_call=self._writer.descriptor >= 0,
@@ -365,29 +412,26 @@ class Sender:
         )
         if not views:
             self._is_waiting = True
-            self._start(self._fetch(first))
-        end = 0
-        for (generation, segment, offset, length, total, _), view in zip(
-            chunks, views, strict=False
-        ):
-            header = message_header(HEADER_BYTES + length) + frame_header(
-                generation=generation, segment=segment, offset=offset, total=total, length=length
-            )
-            buffers += (header, view)
-            end += len(header) + length
-            ends.append(end)
-        return chunks, buffers, ends, compared
+            self._start(self._fetch(chunks[0]))
+        for chunk, view in zip(chunks, views, strict=False):
+            frames.add(chunk, view)
+        return compared
 
-    def _note_sent(self, chunks: list[SendChunk]) -> int:
-        """Report chunks as sent; return their bytes."""
-        self.session.chunks_sent(chunks, monotonic())
-        sent_bytes = sum([chunk.length for chunk in chunks])
-        generation = chunks[0].generation
-        if generation != self._generation:
-            self._generation, self._generation_bytes = generation, 0
+    def _note_sent(self, chunks: list[SendChunk], sent_bytes: int) -> None:
+        """Report the first so many bytes of chunks as sent."""
+        left_bytes, sent = sent_bytes, []
+        for chunk in chunks:
+            sent.append(chunk if chunk.length <= left_bytes else chunk._replace(length=left_bytes))
+            left_bytes -= chunk.length
+            if left_bytes <= 0:
+                break
+        first = chunks[0]
+        if first.generation != self._generation:
+            self._generation, self._generation_bytes = first.generation, 0
         self._generation_bytes += sent_bytes
+        self._is_landing = first.landing
         self._announced_bytes -= sent_bytes
-        return sent_bytes
+        self.session.chunks_sent(sent, monotonic())
 
     def _announce(self, chunk: SendChunk) -> None:
         """Let the reader fetch what follows from storage, in pieces that it can fetch together."""
