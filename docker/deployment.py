@@ -46,6 +46,7 @@ async def check_services(running: Services, health: list[str]) -> None:
         await _check_proxy(running, url)
         slow = asyncio.create_task(_check_slow(outside.sockets[0].getsockname()[1]))
         await _check_edge(url, running.token)
+        await _check_packs(running, url)
         await _check_tokens(running)
         await check_landings(url, running.token, running.servers)
         await check_groups(url, running.token, running.servers)
@@ -114,6 +115,20 @@ async def _check_edge(url: str, token: str) -> None:
     sent = await _status(url, "/scenes", token, method="POST", content=b"x" * 200_000)
     assert sent == 413, sent
     say("ok: long headers and bodies are refused at the edge")
+
+
+async def _check_packs(running: Services, url: str) -> None:
+    """Packs come from the proxy's disk, to those whom the service lets have them."""
+    scenes = next(source for source, target, _ in running.proxy.mounts if target == "/scenes")
+    pack = next(scenes.glob("big/v-*/*.pack"))
+    path = f"/scenes/{pack.relative_to(scenes)}"
+    assert await _status(url, path) == 401
+    assert await _status(url, path, "wrong-token-of-nobody") == 401
+    part = {"Range": "bytes=100-1099", "Authorization": f"Bearer {running.token}"}
+    async with httpx.AsyncClient() as http:
+        answer = await http.get(f"{url}{path}", headers=part)
+    assert (answer.status_code, answer.content) == (206, pack.read_bytes()[100:1100]), answer
+    say("ok: the proxy serves packs in ranges, after asking the service")
 
 
 async def _check_slow(port: int) -> None:

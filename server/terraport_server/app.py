@@ -15,6 +15,7 @@ from terraport_server.http.guard import AppGuard
 from terraport_server.http.scenes import add_routes
 from terraport_server.http.stream import stream
 from terraport_server.http.viewer import read_viewer, viewer_routes
+from terraport_server.limits import DEFAULT_LIMITS, Limits
 from terraport_server.service import Service
 from terraport_server.settings import Settings
 from terraport_wire import PROTOCOL
@@ -38,13 +39,15 @@ class _Application(FastAPI):
         await super().__call__(scope, receive, send)
 
 
-def create_app(settings: Settings) -> FastAPI:
+def create_app(settings: Settings, limits: Limits = DEFAULT_LIMITS) -> FastAPI:
     """Make the application of one server process.
 
     Parameters
     ----------
     settings
-        Everything that can be set.
+        Everything that an operator sets.
+    limits
+        The fixed limits.
 
     Returns
     -------
@@ -57,7 +60,7 @@ def create_app(settings: Settings) -> FastAPI:
         When the settings cannot be served with, or not safely.
     """
     settings.check()
-    service = Service(settings)
+    service = Service(settings, limits)
 
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:

@@ -11,6 +11,7 @@ from urllib.parse import quote
 
 from terraport_server.errors import ServerError
 from terraport_server.http.viewer import has_viewer
+from terraport_server.limits import DEFAULT_LIMITS
 from terraport_server.service import Service
 from terraport_server.serving import host_in_url, listen, make_server
 from terraport_server.settings import Settings
@@ -37,7 +38,7 @@ class BackgroundServer:
         Where it listens, from :func:`terraport_server.serving.listen`; closed at the end. By
         default on `host` and `port`.
     **overrides
-        Any other fields of :class:`Settings`.
+        Any other fields of :class:`Settings` or of :class:`~terraport_server.limits.Limits`.
 
     Raises
     ------
@@ -61,8 +62,9 @@ class BackgroundServer:
             overrides["scenes_url"] = scenes_dir
         else:
             overrides["scenes_dir"] = Path(scenes_dir)
+        limits = {name: overrides.pop(name) for name in set(overrides) - set(Settings.model_fields)}
         settings = Settings(**overrides)
-        self._server, self._service = make_server(settings)
+        self._server, self._service = make_server(settings, DEFAULT_LIMITS.with_changes(**limits))
         self._sockets = sockets or listen(settings.host, settings.port)
         self.port: int = self._sockets[0].getsockname()[1]
         """The port that it listens on."""

@@ -47,7 +47,7 @@ Try it:
   curl http://127.0.0.1:8080/scenes
 
 Every option and many more can be set in the environment as TERRAPORT_NAME, e.g. TERRAPORT_TOKEN,
-TERRAPORT_MAX_RADIUS_M; docs/topics/limits.md lists them. An option given here wins over it.
+TERRAPORT_MAX_RADIUS_M; docs/topics/settings.md lists them. An option given here wins over it.
 """
 
 
@@ -99,7 +99,7 @@ def serve(
     viewer: Annotated[
         bool | None,
         typer.Option(
-            "--viewer/--no-viewer", help="Show the viewer at /, or a plain list. [default: viewer]"
+            "--viewer/--no-viewer", help="Show the viewer at /. [default: viewer]"
         ),
     ] = None,
     log_format: Annotated[str | None, typer.Option(help="text or json. [default: text]")] = None,
@@ -115,7 +115,7 @@ def serve(
     # Options by the names of the settings.
     from terraport_server.errors import ServerError, SettingsError
     from terraport_server.serving import run
-    from terraport_server.setting_errors import read_settings, typed_name
+    from terraport_server.settings import read_settings, typed_name
     from terraport_store import StoreError, is_url
 
     given: dict[str, Any] = {

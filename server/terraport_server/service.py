@@ -13,6 +13,7 @@ from terraport_server.auth.watch import AccessWatch
 from terraport_server.errors import PickTimeoutError
 from terraport_server.fair_queue import Account, PickQueue, PlanQueue
 from terraport_server.groups.hub import GroupHub
+from terraport_server.limits import DEFAULT_LIMITS, Limits
 from terraport_server.logging import OncePerMinute, log
 from terraport_server.metrics import Metrics
 from terraport_server.scenes.picking import MeshCache, pick
@@ -51,6 +52,8 @@ class Service:
     ----------
     settings
         Checked; see :meth:`Settings.check`.
+    limits
+        The fixed limits.
 
     Raises
     ------
@@ -58,13 +61,14 @@ class Service:
         When tokens cannot be read.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, limits: Limits = DEFAULT_LIMITS) -> None:
         self.settings = settings
-        self.gate = Gate.from_settings(settings)
+        self.limits = limits
+        self.gate = Gate.from_settings(settings, limits.token_leeway_s)
         self.metrics = Metrics()
         self.access = AccessWatch(self.gate, settings, self.metrics)
         # Scenes.
-        root = root_of(settings)
+        root = root_of(settings, limits)
         root.show_counts(self.metrics.registry)
         self.registry = SceneRegistry(
             root,
@@ -73,25 +77,25 @@ class Service:
         )
         self.tiles = TilesetCache()
         self.strokes = StrokeCache()
-        self.painters = RatesByName(settings.max_strokes_per_s)
+        self.painters = RatesByName(limits.max_strokes_per_s)
         # Bounds of every session, taken from the settings once.
-        self.session_limits = settings.session_limits(server_name())
+        self.session_limits = limits.of_session(settings, server_name())
         self.sender_limits = SenderLimits(
-            max_message_bytes=settings.max_message_bytes,
-            max_pending_actions=settings.max_pending_actions,
-            close_timeout_s=settings.close_timeout_s,
+            max_message_bytes=limits.session.max_message_bytes,
+            max_pending_actions=limits.max_pending_actions,
+            close_timeout_s=limits.close_timeout_s,
         )
         # What sessions share: groups, the page, queues of plans, picks and payload.
         routing = settings.groups_served
-        self.groups = None if routing == "none" else GroupHub(settings.group_limits(), routing)
+        self.groups = None if routing == "none" else GroupHub(limits.groups, routing)
         if self.groups is not None:
             groups = self.groups.groups
             self.metrics.groups.set_function(lambda: groups.group_count)
             self.metrics.group_members.set_function(lambda: groups.member_count)
         self.scheduler = SendScheduler()
         self.plans = PlanQueue()
-        self._cache = MeshCache(settings.pick_cache_bytes)
-        self._picks = PickQueue[Hit | None](settings.pick_threads)
+        self._cache = MeshCache(limits.pick_cache_bytes)
+        self._picks = PickQueue[Hit | None](limits.pick_threads)
         self.once = OncePerMinute()
         # Where the service is in its life, and who is served.
         self.ready = False
@@ -124,9 +128,11 @@ class Service:
         except OriginError as error:  # it may come back; until then /readyz says that there is none
             what = "none is served until the storage answers; it is asked again and again"
             log("scenes not listed", level=logging.ERROR, reason=str(error), so=what)
+        is_folder = self.settings.scenes_url is None
+        poll_s = self.limits.scene_poll_s if is_folder else self.limits.object_poll_s
         self._tasks = [
-            asyncio.create_task(self.registry.watch(self.settings.poll_s)),
-            asyncio.create_task(self.access.watch(self.settings.access_check_s)),
+            asyncio.create_task(self.registry.watch(poll_s)),
+            asyncio.create_task(self.access.watch(self.limits.access_check_s)),
             asyncio.create_task(self.metrics.watch_loop()),
         ]
         self.ready = True
@@ -143,7 +149,7 @@ class Service:
             sender.session.drain(
                 time.monotonic(),
                 settings.drain_timeout_s,
-                reconnect_after_ms=settings.reconnect_after_ms,
+                reconnect_after_ms=self.limits.session.reconnect_after_ms,
             )
             sender.wake()
 
@@ -186,8 +192,8 @@ class Service:
         PickTimeoutError
             When it took too long.
         """
-        settings = self.settings
-        due_s = time.monotonic() + settings.pick_timeout_s
+        settings, limits = self.settings, self.limits
+        due_s = time.monotonic() + limits.pick_timeout_s
 
         def work() -> Hit | None:
             if time.monotonic() > due_s:
@@ -199,7 +205,7 @@ class Service:
                 action.direction,
                 names=served.names,
                 max_distance_m=settings.max_radius_m,
-                max_segments=settings.pick_max_segments,
+                max_segments=limits.pick_max_segments,
                 time_is_up=lambda: time.monotonic() > due_s,
                 failed=failed,
             )

@@ -6,6 +6,7 @@ import contextlib
 import errno
 import gc
 import json
+import logging
 import os
 import signal
 import socket
@@ -21,9 +22,10 @@ from uvicorn.supervisors import Multiprocess
 from terraport_server.app import create_app
 from terraport_server.descriptors import raise_limit
 from terraport_server.errors import ServerError, SettingsError
-from terraport_server.logging import configure_logging
+from terraport_server.limits import DEFAULT_LIMITS, Limits
+from terraport_server.logging import configure_logging, log
 from terraport_server.service import Service
-from terraport_server.settings import Settings
+from terraport_server.settings import Settings, unknown_variables
 from terraport_server.stream import connection
 
 __all__ = ["WORKER_OPTIONS", "connection_class", "host_in_url", "listen", "make_server", "run"]
@@ -97,7 +99,9 @@ def host_in_url(host: str) -> str:
     return f"[{host}]" if ":" in host else host
 
 
-def make_server(settings: Settings) -> tuple[uvicorn.Server, Service]:
+def make_server(
+    settings: Settings, limits: Limits = DEFAULT_LIMITS
+) -> tuple[uvicorn.Server, Service]:
     """Return uvicorn's server of one process, and the service behind it.
 
     Raises
@@ -106,9 +110,9 @@ def make_server(settings: Settings) -> tuple[uvicorn.Server, Service]:
         When the settings cannot be served with, or not safely.
     """
     check_certificate(settings)
-    app = create_app(settings)
+    app = create_app(settings, limits)
     service: Service = app.state.service
-    config = uvicorn.Config(app, ws=connection_class(service), **_options(settings))
+    config = uvicorn.Config(app, ws=connection_class(service), **_options(settings, limits))
     config.load()
     if config.ssl is not None:
         service.access.watch_certificate(config.ssl)
@@ -117,17 +121,15 @@ def make_server(settings: Settings) -> tuple[uvicorn.Server, Service]:
 
 def connection_class(service: Service) -> type[connection.Connection]:
     """Return the class of a service's WebSocket connections, for uvicorn's ``ws`` option."""
-    settings = service.settings
+    settings, limits = service.settings, service.limits
     return connection.connection_class(
-        notsent_lowat_bytes=settings.notsent_lowat_bytes,
-        send_buffer_bytes=settings.send_buffer_bytes,
-        congestion_control=settings.congestion_control,
+        notsent_lowat_bytes=limits.notsent_lowat_bytes,
         max_messages_per_s=settings.max_messages_per_s,
-        close_timeout_s=settings.close_timeout_s,
+        close_timeout_s=limits.close_timeout_s,
     )
 
 
-def _options(settings: Settings) -> dict[str, Any]:
+def _options(settings: Settings, limits: Limits) -> dict[str, Any]:
     """Return the options of uvicorn that are the same in one process and in several."""
     return {
         "host": settings.host,
@@ -137,10 +139,10 @@ def _options(settings: Settings) -> dict[str, Any]:
         "ssl_keyfile": settings.ssl_keyfile,
         "timeout_keep_alive": _KEEP_ALIVE_S,
         # Open landings finish, then clients read what is left.
-        "timeout_graceful_shutdown": round(settings.drain_timeout_s + settings.close_timeout_s) + 1,
+        "timeout_graceful_shutdown": round(settings.drain_timeout_s + limits.close_timeout_s) + 1,
         "forwarded_allow_ips": settings.forwarded_allow_ips,
         # Between max_message_bytes and this a client is told too_large; beyond it is closed (1009).
-        "ws_max_size": 4 * settings.max_message_bytes,
+        "ws_max_size": 4 * limits.session.max_message_bytes,
         # Payloads are compressed offline; deflate would cost 100 times the time.
         "ws_per_message_deflate": False,
         # The session's idle_timeout_s decides, with pongs counted; uvicorn only sends the pings.
@@ -186,6 +188,8 @@ def run(
         if announce is not None:
             announce(sockets[0].getsockname()[1])
         configure_logging(settings.log_level, settings.log_format)
+        for name in unknown_variables():
+            log("unknown setting", level=logging.WARNING, variable=name)
         if settings.workers == 1:
             _run_alone(server, sockets)
         else:
@@ -237,7 +241,7 @@ def _run_workers(
             "terraport_server.worker:app",
             ws="terraport_server.worker:Connection",
             workers=settings.workers,
-            **_options(settings),
+            **_options(settings, DEFAULT_LIMITS),
         )
         Multiprocess(config, sockets).run()
 

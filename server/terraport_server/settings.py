@@ -1,37 +1,36 @@
 """Every setting of the service, with its default.
 
 Each is read from the environment or a ``.env`` file as ``TERRAPORT_`` and its name in capitals, and
-most have an option of ``terraport serve``. docs/topics/limits.md lists them all; a test compares.
+many have an option of ``terraport serve``. docs/topics/settings.md lists them all; a test compares.
+Limits that are no settings: :mod:`terraport_server.limits`.
 """
 
 from __future__ import annotations
 
 import ipaddress
 import os
+import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field, SecretStr
-from pydantic_settings import BaseSettings, SettingsConfigDict
+from pydantic import Field, SecretStr, ValidationError
+from pydantic_settings import BaseSettings, DotEnvSettingsSource, SettingsConfigDict
 
 from terraport_server.errors import SettingsError
-from terraport_server.groups.state import GroupLimits
-from terraport_server.session.interface import SessionLimits
 from terraport_store import is_url, meant_url
-from terraport_wire import (
-    MAX_CLIENT_MESSAGE_BYTES,
-    MAX_DEADLINE_MS,
-    MAX_GROUP_MEMBERS,
-    MAX_HELD_SEGMENTS,
-    MAX_INTEGER,
-    MAX_PLAN_SEGMENTS,
-    MAX_RADIUS_M,
-    MAX_RELEASE_FACTOR,
-)
+from terraport_wire import MAX_INTEGER, MAX_RADIUS_M
 
-__all__ = ["ENV_PREFIX", "Settings", "is_loopback"]
+__all__ = [
+    "ENV_PREFIX",
+    "Settings",
+    "is_loopback",
+    "read_settings",
+    "typed_name",
+    "unknown_variables",
+]
 
-ENV_PREFIX = "TERRAPORT_"
+ENV_PREFIX: Final = "TERRAPORT_"
 
 _BASE_URL = r"^https?://[A-Za-z0-9._~:/\[\]%@!$&'()*+,;=-]{1,1900}$"
 """No query and no fragment: paths are appended."""
@@ -40,7 +39,6 @@ _FRAME_ANCESTOR = r"^(\*|https?://(\*\.)?[A-Za-z0-9.-]{1,253}(:(\*|[0-9]{1,5}))?
 """An origin as Content-Security-Policy takes it; nothing that could end the header's directive."""
 
 _Seconds = Annotated[float, Field(gt=0, le=86_400)]
-_Bytes = Annotated[int, Field(ge=1, le=MAX_INTEGER)]
 
 
 class Settings(BaseSettings):
@@ -56,41 +54,30 @@ class Settings(BaseSettings):
         env_prefix=ENV_PREFIX, env_file=".env", extra="ignore", frozen=True
     )
 
+    # Scenes
     scenes_dir: Path = Path("scenes")
     """A folder of scenes, or one scene."""
-    scene_poll_s: _Seconds = 1.0
-    """How often scene.json files are looked at for newer versions."""
     scenes_url: str | None = None
-    """Scenes in object storage (s3://BUCKET/PREFIX), or one scene; in place of scenes_dir."""
-
-    pull_base_url: Annotated[str, Field(pattern=_BASE_URL)] | None = None
-    """Address under which the scenes' folders are served by others (a CDN, nginx, a public
-    bucket): clients that pull fetch payload there; none = from this service."""
-
+    """Scenes in object storage (s3://BUCKET/PREFIX), or one scene; instead of scenes_dir."""
     object_endpoint: str | None = None
     """Address of the S3 service; AWS_ENDPOINT_URL or Amazon's by default."""
     object_region: str | None = None
     """AWS_REGION or us-east-1 by default."""
-    object_poll_s: _Seconds = 10.0
-    """As scene_poll_s, for scenes_url: each look costs a list and two heads per scene."""
     object_cache_dir: Path | None = None
     """Folder of the cache; terraport/objects in XDG_CACHE_HOME or ~/.cache by default."""
     object_cache_bytes: Annotated[int, Field(ge=0, le=MAX_INTEGER)] = 8 << 30
-    """Payloads kept on disk, over all processes that share the folder; 0 = in memory alone."""
-    object_memory_bytes: Annotated[int, Field(ge=0, le=MAX_INTEGER)] = 64 << 20
-    """Payloads kept in memory while the disk takes none."""
-    object_requests: Annotated[int, Field(ge=1, le=256)] = 16
-    """Requests under way at once for one scene, and as many ahead of need."""
-    object_read_ahead_bytes: Annotated[int, Field(ge=0, le=MAX_INTEGER)] = 8 << 20
-    """What is fetched ahead for one landing; 0 = nothing."""
-    object_timeout_s: _Seconds = 20.0
-    """No attempt at a request begins later than this after the first, and none takes longer."""
+    """Payloads kept on disk, of all processes that share the folder; 0 = in memory only."""
+    pull_base_url: Annotated[str, Field(pattern=_BASE_URL)] | None = None
+    """Address at which the scenes' folders are served by others (a CDN, nginx, a public bucket):
+    clients that pull fetch payload there; none = from this service."""
 
+    # Network
     host: str = "127.0.0.1"
+    """Address to listen on."""
     port: Annotated[int, Field(ge=0, le=65_535)] = 8080
+    """TCP port; 0 = any free one."""
     workers: Annotated[int, Field(ge=1, le=256)] = 1
-    """Processes behind the one port. Most limits below hold for each of them; groups cannot be
-    joined with more than one."""
+    """Processes behind the port; with more than one, groups cannot be joined."""
     ssl_certfile: Path | None = None
     """PEM file of the certificate and its chain: the service speaks https and wss itself."""
     ssl_keyfile: Path | None = None
@@ -98,141 +85,58 @@ class Settings(BaseSettings):
     forwarded_allow_ips: str = "127.0.0.1"
     """Proxies whose X-Forwarded-For is believed, comma-separated."""
 
+    # Access
     token: SecretStr | None = None
     """One token that opens every scene."""
     tokens_file: Path | None = None
-    """File of tokens, one a line: NAME TOKEN [+SCOPE ...] [SCENE ...]; no scene named = every
-    scene, no scope = land; see docs/how-to/tokens.md."""
+    """File of tokens, one per line: NAME TOKEN [+SCOPE ...] [SCENE ...]."""
     token_keys_file: Path | None = None
     """File of keys that signed, expiring tokens are accepted from; see terraport token."""
     token_audience: str | None = None
     """What a signed token's "aud" must be; none = it must have none."""
-    token_leeway_s: Annotated[float, Field(ge=0, le=600)] = 30.0
-    """How far the clock of whoever signs tokens may be from this one's."""
-    access_check_s: Annotated[float, Field(ge=0.05, le=60)] = 1.0
-    """How often the files above are looked at, and the tokens of running sessions."""
     allow_open: bool = False
-    """Serve without any token although the host is not this machine alone."""
+    """Serve without any token although other machines can connect."""
     allowed_origins: tuple[str, ...] = ()
-    """Origins of web pages that may connect, beside the service's own; "*" = all."""
+    """Origins of web pages that may connect, besides the service's own; "*" = all."""
     allowed_hosts: tuple[str, ...] = ()
-    """Names that this service is called by, beside addresses and localhost; asked only where it is
-    open, on this machine alone, and not said to be so (allow_open)."""
-    viewer: bool = True
-    """Whether / is the viewer, where it is built."""
-    viewer_dir: Path | None = None
-    """Folder of another built viewer; none = the one that this installation brings."""
-    frame_ancestors: tuple[Annotated[str, Field(pattern=_FRAME_ANCESTOR)], ...] = ()
-    """Origins of web pages that may show the viewer in a frame; "*" = all, none = no page. Such a
-    page can lay its own picture over the viewer: name those that are trusted."""
-    public_docs: bool | None = None
-    """Whether /docs answers; none = only where the service is open."""
+    """Names of this service, besides addresses and localhost; checked only where it is open, on
+    this machine alone, and without allow_open."""
     public_metrics: bool | None = None
     """Whether /metrics answers without a token; none = only where the service is open."""
     metrics_token: SecretStr | None = None
-    """Token that opens /metrics and nothing else; of tokens_file, +metrics does the same."""
+    """Token that opens /metrics and nothing else."""
 
-    max_connections: Annotated[int, Field(ge=1)] = 1024
-    """Open connections of any kind; more are answered 503."""
-    max_connections_per_ip: Annotated[int, Field(ge=1)] = 64
-    """Open connections of one address, WebSockets among them as long as they live."""
-    max_stranger_bytes: Annotated[int, Field(ge=1 << 20, le=MAX_INTEGER)] = 32 << 20
-    """What all who are not let in have sent and was not answered, together; an eighth of it from
-    one address."""
+    # Viewer
+    viewer: bool = True
+    """Serve the viewer at /, where it is built; otherwise / answers 404."""
+    viewer_dir: Path | None = None
+    """Folder of another built viewer."""
+    frame_ancestors: tuple[Annotated[str, Field(pattern=_FRAME_ANCESTOR)], ...] = ()
+    """Origins of web pages that may show the viewer in a frame; "*" = all. Such a page can draw
+    over the viewer: name only trusted ones."""
+
+    # Sessions
     max_sessions: Annotated[int, Field(ge=1)] = 256
+    """Sessions of one process."""
     max_sessions_per_ip: Annotated[int, Field(ge=1)] = 32
-    max_message_bytes: Annotated[int, Field(ge=1024, le=MAX_CLIENT_MESSAGE_BYTES)] = 1 << 20
+    """Sessions of one address; the last eighth of max_sessions is for addresses with few."""
     max_messages_per_s: Annotated[float, Field(gt=0, le=1e9)] = 60.0
-    """Averaged over 10 s."""
+    """Messages of one client, averaged over 10 s; a plan over many segments counts as several."""
     max_radius_m: Annotated[float, Field(gt=0, le=MAX_RADIUS_M)] = 500.0
-    release_factor: Annotated[float, Field(ge=1, le=MAX_RELEASE_FACTOR)] = 1.25
-    """Within so many radii of a landing what is held is kept, where the client does not say."""
-    max_held_segments: Annotated[int, Field(ge=0, le=MAX_HELD_SEGMENTS)] = MAX_HELD_SEGMENTS
-    max_plan_segments: Annotated[int, Field(ge=1, le=MAX_PLAN_SEGMENTS)] = MAX_PLAN_SEGMENTS
-    max_credit_bytes: _Bytes = 64 << 20
-    """Outstanding credit of one client; more is clamped."""
-    max_pending_actions: Annotated[int, Field(ge=1, le=10_000)] = 64
-    """Messages waiting for one client; above it the service stops reading from that client."""
-    handshake_timeout_s: _Seconds = 10.0
+    """Largest landing radius."""
     idle_timeout_s: _Seconds = 60.0
     """Silence, pongs included, after which a client is closed."""
-    close_timeout_s: _Seconds = 5.0
-    """How long a closing client may take to read what is left."""
     drain_timeout_s: _Seconds = 10.0
-    """How long open landings may take to finish after SIGTERM."""
-    reconnect_after_ms: Annotated[int, Field(ge=0, le=600_000)] = 1000
-    """What a draining service tells its clients."""
-
-    http_header_bytes: Annotated[int, Field(ge=8192, le=1 << 20)] = 32 << 10
-    """Request line and headers of one request."""
-    http_body_bytes: Annotated[int, Field(ge=0, le=1 << 20)] = 16 << 10
-    """Body of one request; none is ever needed."""
-    http_header_timeout_s: _Seconds = 10.0
-    """From connecting, or the last answer, to the end of the next request's headers."""
-    http_keep_alive_s: _Seconds = 5.0
-    """How long a connection may stay without a request after an answer."""
-    http_stall_timeout_s: _Seconds = 30.0
-    """How long a client may take no byte of an answer."""
-
-    notsent_lowat_bytes: Annotated[int, Field(ge=0)] = 128 << 10
-    """TCP_NOTSENT_LOWAT of client sockets, so that a supersede is not stuck behind megabytes; 0 =
-    leave the system's."""
-    send_buffer_bytes: Annotated[int, Field(ge=0)] = 0
-    """SO_SNDBUF of client sockets; 0 = the system's."""
-    congestion_control: Annotated[str, Field(pattern=r"^[a-z0-9_-]{1,15}$")] | None = None
-    """TCP_CONGESTION of client sockets, such as "bbr" for lossy links; None = the system's."""
-
+    """Time for open landings to finish after SIGTERM."""
     group_routing: Literal["process", "query", "off"] = "process"
     """Where groups can be joined: anywhere on this process; only by URLs that name the group
-    (?group=NAME, by which a proxy picks the replica); or not at all, as with several workers."""
+    (?group=NAME, by which a proxy picks the replica); or not at all."""
     group_guides: Literal["first", "token"] = "first"
     """Who may guide a group: whoever asks first, or only tokens that say so."""
-    max_groups: Annotated[int, Field(ge=1, le=100_000)] = 64
-    max_groups_per_client: Annotated[int, Field(ge=1, le=100_000)] = 8
-    max_group_members: Annotated[int, Field(ge=1, le=MAX_GROUP_MEMBERS)] = 32
-    group_absence_s: Annotated[float, Field(gt=0, le=3600)] = 30.0
-    """How long the seat of a lost member is kept."""
-    group_deadline_s: Annotated[float, Field(gt=0, le=MAX_DEADLINE_MS / 1000)] = 60.0
-    """Longest that a group landing's barrier stays shut; the default where the guide names none."""
 
-    max_picks: Annotated[int, Field(ge=1, le=1000)] = 8
-    """Picks of one client under way at once."""
-    pick_timeout_s: _Seconds = 2.0
-    pick_max_segments: Annotated[int, Field(ge=1)] = 64
-    """Segments that one pick may decode."""
-    pick_cache_bytes: Annotated[int, Field(ge=0)] = 64 << 20
-    """Decoded segments kept for picks, over all clients."""
-    pick_threads: Annotated[int, Field(ge=1, le=64)] = 1
-
-    max_strokes_per_s: Annotated[float, Field(gt=0, le=1000)] = 2.0
-    """Strokes that one token may paint or take back, averaged over 10 s."""
-
+    # Log
     log_level: Literal["debug", "info", "warning", "error"] = "info"
     log_format: Literal["text", "json"] = "text"
-
-    def session_limits(self, server: str) -> SessionLimits:
-        """Return what one client may do.
-
-        Parameters
-        ----------
-        server
-            Name and version of the service, for ``welcome``.
-        """
-        return SessionLimits(
-            server=server,
-            release_factor=self.release_factor,
-            max_radius_m=self.max_radius_m,
-            max_message_bytes=self.max_message_bytes,
-            max_messages_per_s=self.max_messages_per_s,
-            max_held_segments=self.max_held_segments,
-            max_plan_segments=self.max_plan_segments,
-            max_credit_bytes=self.max_credit_bytes,
-            max_picks=self.max_picks,
-            handshake_timeout_s=self.handshake_timeout_s,
-            idle_timeout_s=self.idle_timeout_s,
-            reconnect_after_ms=self.reconnect_after_ms,
-            groups=self.groups_served,
-        )
 
     @property
     def groups_served(self) -> Literal["none", "here", "query"]:
@@ -240,16 +144,6 @@ class Settings(BaseSettings):
         if self.group_routing == "off" or self.workers != 1:
             return "none"
         return "here" if self.group_routing == "process" else "query"
-
-    def group_limits(self) -> GroupLimits:
-        """Return what bounds all groups of this process."""
-        return GroupLimits(
-            max_groups=self.max_groups,
-            max_groups_per_client=self.max_groups_per_client,
-            max_group_members=self.max_group_members,
-            group_absence_s=self.group_absence_s,
-            group_deadline_s=self.group_deadline_s,
-        )
 
     def check(self) -> None:
         """Refuse settings that cannot be served with, or not safely.
@@ -282,11 +176,6 @@ class Settings(BaseSettings):
             )
 
     @property
-    def poll_s(self) -> float:
-        """How often the scenes are looked at, where they lie."""
-        return self.scene_poll_s if self.scenes_url is None else self.object_poll_s
-
-    @property
     def object_cache_folder(self) -> Path | None:
         """The cache's folder; None where nothing is kept on disk."""
         if not self.object_cache_bytes:
@@ -304,7 +193,7 @@ class Settings(BaseSettings):
     @property
     def serves_docs(self) -> bool:
         """Whether anybody may read /docs."""
-        return self.is_open if self.public_docs is None else self.public_docs
+        return self.is_open
 
     @property
     def serves_metrics(self) -> bool:
@@ -338,3 +227,76 @@ def is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return False
+
+
+_PHRASES: Final = (
+    (r"^Input is not a valid path.*", "a path"),
+    (r"^String should match pattern", "text that matches"),
+    (r"^Input should be ", ""),
+    (r"^(?=greater|less)", "a number "),
+    (r"^a valid tuple", 'a JSON list such as ["one", "two"]'),
+)
+"""Parts of pydantic's messages, and what they become."""
+
+
+def read_settings(given: Mapping[str, Any]) -> Settings:
+    """Read all settings; `given` wins over the environment, and that over ``.env``.
+
+    Raises
+    ------
+    SettingsError
+        When a value is out of its range or not of its type; secrets are not repeated.
+    """
+    try:
+        return Settings(**given)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        name, value = str(first["loc"][0]), first["input"]
+        expected = first["msg"].partition(", unable")[0]
+        for theirs, ours in _PHRASES:
+            expected = re.sub(theirs, ours, expected)
+    except ValueError as error:  # pydantic-settings', for a list
+        field = re.search(r'field "(\w+)"', str(error))
+        if field is None:
+            raise
+        name, expected = field[1], 'a JSON list such as ["one", "two"]'
+        value = _variables().get(f"{ENV_PREFIX}{name}".upper())
+    is_secret = "Secret" in str(Settings.model_fields[name].annotation)
+    shown = "another value" if is_secret else repr(str(value)[:60])
+    raise SettingsError(name, f"got {shown}, expected {expected}") from None
+
+
+def typed_name(setting: str, options: Mapping[str, str], given: Mapping[str, Any]) -> str:
+    """Return the name by which the operator knows a setting.
+
+    Parameters
+    ----------
+    setting
+        Its field.
+    options
+        Option by field, for those that have one.
+    given
+        Fields that options gave a value.
+
+    Returns
+    -------
+    str
+        The option, or the environment variable where that gave the value.
+    """
+    variable = f"{ENV_PREFIX}{setting}".upper()
+    is_variable = setting not in given and variable in _variables()
+    return variable if is_variable else options.get(setting, variable)
+
+
+def unknown_variables() -> list[str]:
+    """Return the ``TERRAPORT_`` variables that are no settings."""
+    known = {f"{ENV_PREFIX}{name}".upper() for name in Settings.model_fields}
+    return sorted(
+        name for name in _variables() if name.startswith(ENV_PREFIX) and name not in known
+    )
+
+
+def _variables() -> dict[str, str | None]:
+    """Return the variables of ``.env`` and of the process; names in capitals."""
+    variables = {**DotEnvSettingsSource(Settings).env_vars, **os.environ}
+    return {name.upper(): value for name, value in variables.items()}

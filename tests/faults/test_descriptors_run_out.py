@@ -73,7 +73,7 @@ def test_a_body_that_waits_for_its_client_takes_no_descriptor_of_its_own(tmp_pat
     """HTTP clients that pull payload and read slowly: their connection, and the file of all."""
     grid = write_grid_scene(tmp_path / "scenes" / "pit", cells=60, compress=False)
     request = b"GET /scenes/pit/segments/3.glb HTTP/1.1\r\nHost: localhost\r\n\r\n"
-    with Service(tmp_path / "scenes", send_buffer_bytes=16 << 10) as service:
+    with Service(tmp_path / "scenes") as service:
         httpx.get(f"{service.url}/scenes/pit/segments/3.glb")
         before = descriptors(service)
         clients = []
@@ -98,7 +98,7 @@ def test_without_descriptors_clients_get_503_and_scenes_are_watched(tmp_path: Pa
     scenes = tmp_path / "scenes"
     write_grid_scene(scenes / "pit", cells=2)
     limits = {"max_sessions": 1000, "max_sessions_per_ip": 1000}
-    with Service(scenes, program=with_limit(80), poll_s=0.1, **limits) as service:
+    with Service(scenes, program=with_limit(80), **limits) as service:
         url = f"{service.url}/scenes/pit"
         clients: list[PlainClient] = []
         refused = 0

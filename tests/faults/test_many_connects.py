@@ -99,9 +99,8 @@ def test_a_thousand_at_once(tmp_path: Path, room: int) -> None:
         go_home.set()
         return Counter(await asyncio.gather(*tasks)), took_s
 
-    limits = {"max_sessions": room, "max_sessions_per_ip": room, "max_connections": 4 * CLIENTS}
     try:
-        with Service(tmp_path / "scenes", max_connections_per_ip=4 * CLIENTS, **limits) as service:
+        with Service(tmp_path / "scenes", max_sessions=room, max_sessions_per_ip=room) as service:
             answered, took_s = asyncio.run(work(service.port))
             assert answered["welcome"] == room, answered
             assert answered["too_many"] == CLIENTS - room, answered

@@ -28,7 +28,7 @@ PATHS = [
     "/scenes/pit/segments/-1.glb", "/scenes/pit/segments/abc.glb", "/scenes/pit/segments/1e9.glb",
     "/scenes/pit/segments/99999999999999999999999999999999.glb", "/scenes/pit/report",
     "/scenes/pit/base.glb?v=", "/scenes/pit/base.glb?v=" + "9" * 4000,
-    "/scenes/pit/base.glb?v=%00", "/scenes/pit/stream", "/healthz", "/readyz", "/metrics", "/docs",
+    "/scenes/pit/base.glb?v=%00", "/scenes/pit/stream", "/healthz", "/readyz", "/metrics",
     "/redoc", "/openapi.json", "/favicon.ico", "/.env", "/.git/config", "/scenes/..%2f..%2fetc",
     "/scenes/%2e%2e/%2e%2e/etc/passwd", "/../../etc/passwd", "//etc/passwd", "/scenes/pit%00",
     "/scenes/pit/../../../etc/passwd", "/scenes/%ff%fe", "/scenes/" + "a" * 3000,
@@ -79,7 +79,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def server(folder: Path) -> Iterator[BackgroundServer]:
     """Open, so that requests get as far as they can."""
-    with BackgroundServer(folder, public_docs=False) as running:
+    with BackgroundServer(folder) as running:
         yield running
 
 
@@ -255,9 +255,8 @@ def test_metrics_and_docs_are_for_operators(
             headers = {"Authorization": f"Bearer {token}"}
             assert httpx.get(f"{scoped.url}/metrics", headers=headers).status_code == status
             assert httpx.get(f"{scoped.url}/scenes/pit", headers=headers).status_code == scenes
-    with BackgroundServer(folder, token=TOKEN, public_metrics=True, public_docs=True) as shown:
+    with BackgroundServer(folder, token=TOKEN, public_metrics=True) as shown:
         assert httpx.get(f"{shown.url}/metrics").status_code == 200
-        assert httpx.get(f"{shown.url}/docs").status_code == 200
 
 
 def test_pages_of_allowed_origins_may_read_answers(folder: Path) -> None:

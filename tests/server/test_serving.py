@@ -129,8 +129,14 @@ def test_help_teaches() -> None:
         (["{dir}", "--token", "short"], "--token: got a token of 5 characters"),
         (["{dir}", "--tokens-file", "{dir}/file"], "--tokens-file: {dir}/file line 1: got a token"),
         (["{dir}", "--token-keys", "{dir}/no"], "--token-keys: {dir}/no: No such file"),
-        (["{dir}", "--max-radius", "-1"], "--max-radius: got -1, expected a number above 0"),
-        (["{dir}", "--port", "70000"], "--port: got 70000, expected a whole number from 0 to 65"),
+        (
+            ["{dir}", "--max-radius", "-1"],
+            "--max-radius: got '-1.0', expected a number gr",
+        ),
+        (
+            ["{dir}", "--port", "70000"],
+            "--port: got '70000', expected a number less than or ",
+        ),
         (["{dir}", "--ssl-keyfile", "x"], "--ssl-keyfile: got one of ssl_certfile and ssl_keyfile"),
         (
             ["{dir}", "--ssl-keyfile", "{dir}/file", "--ssl-certfile", "{dir}/x"],
@@ -163,7 +169,7 @@ def test_what_the_environment_says_wrongly_is_named_by_its_variable(
     code, output = run(str(tmp_path))
     assert (code, output) == (
         1,
-        "error: TERRAPORT_MAX_RADIUS_M: got 'far', expected a number above 0 to 1,000,000\n",
+        "error: TERRAPORT_MAX_RADIUS_M: got 'far', expected a valid number\n",
     )
 
 

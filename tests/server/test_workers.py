@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import signal
@@ -15,6 +16,7 @@ from eventually import eventually
 from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient, assemble
 from server.test_serving import serving
+from websockets.exceptions import ConnectionClosed
 
 from terraport_wire import Land, Ready
 
@@ -68,7 +70,7 @@ def test_groups_cannot_be_joined(service: tuple[int, str]) -> None:
         assert client.hello().limits.groups == "none"
 
 
-def test_a_killed_worker_is_replaced_and_its_sessions_leave_the_metrics(
+def test_killed_workers_are_replaced_and_their_sessions_leave_the_metrics(
     service: tuple[int, str],
 ) -> None:
     parent, url = service
@@ -76,13 +78,14 @@ def test_a_killed_worker_is_replaced_and_its_sessions_leave_the_metrics(
     for client in clients:
         client.hello()
     assert metric(url, "terraport_sessions_active") == 6
-    victim = workers(parent)[0]
-    os.kill(victim, signal.SIGKILL)
-    eventually(lambda: len(workers(parent)) == 2 and victim not in workers(parent), 30)
-    eventually(lambda: metric(url, "terraport_sessions_active") < 6, 30)
+    victims = set(workers(parent))
+    for victim in victims:
+        os.kill(victim, signal.SIGKILL)
+    eventually(lambda: len(workers(parent)) == 2 and not victims & set(workers(parent)), 60)
+    assert land(url) == 36  # waits in the socket's queue until a worker accepts
+    eventually(lambda: metric(url, "terraport_sessions_active") == 0, 30)
     for client in clients:
         client.socket.close()
-    assert land(url) == 36
 
 
 def test_sighup_replaces_the_workers_one_by_one(service: tuple[int, str]) -> None:
@@ -91,7 +94,8 @@ def test_sighup_replaces_the_workers_one_by_one(service: tuple[int, str]) -> Non
     os.kill(parent, signal.SIGHUP)
     until_s = time.monotonic() + 60
     while before & set(workers(parent)):
-        assert land(url) == 36
+        with contextlib.suppress(ConnectionClosed):  # 4503: come again
+            assert land(url) == 36
         assert time.monotonic() < until_s
         time.sleep(0.2)  # nobody reads the log: its pipe must not fill
     eventually(lambda: len(workers(parent)) == 2, 30)

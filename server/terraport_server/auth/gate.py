@@ -97,7 +97,7 @@ class Gate:
         self.use_tokens(tokens or ())
 
     @classmethod
-    def from_settings(cls, settings: Settings) -> Gate:
+    def from_settings(cls, settings: Settings, leeway_s: float = 0.0) -> Gate:
         """Make the gate that the settings describe.
 
         Raises
@@ -114,7 +114,7 @@ class Gate:
             static_tokens(settings),
             keys,
             audience=settings.token_audience,
-            leeway_s=settings.token_leeway_s,
+            leeway_s=leeway_s,
         )
 
     def use_tokens(self, tokens: Sequence[StaticToken]) -> None:

@@ -247,18 +247,17 @@ async def _judge_hello(
     websocket: WebSocket, scene_id: str, service: Service
 ) -> tuple[ErrorCode, str]:
     """Refuse a client that wants an unknown scene exactly as it would be at a known one."""
-    settings = service.settings
     try:
-        async with asyncio.timeout(settings.handshake_timeout_s):
+        async with asyncio.timeout(service.session_limits.handshake_timeout_s):
             event = await websocket.receive()
     except TimeoutError:
-        return ErrorCode.TIMEOUT, no_hello_text(settings.handshake_timeout_s)
+        return ErrorCode.TIMEOUT, no_hello_text(service.session_limits.handshake_timeout_s)
     if event["type"] == "websocket.disconnect":
         raise WebSocketDisconnect(1006)
     text = event.get("text")
     data: bytes | str = event["bytes"] if text is None else text
     try:
-        most_bytes = service.settings.max_message_bytes
+        most_bytes = service.session_limits.max_message_bytes
         message = decode(data, Direction.CLIENT_TO_SERVER, max_bytes=most_bytes)
     except DecodeError as error:
         return error.code, str(error)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 from prometheus_client import CollectorRegistry
 
 from terraport_server.errors import SettingsError
+from terraport_server.limits import Limits
 from terraport_server.logging import log
 from terraport_server.metrics import ObjectMetrics
 from terraport_server.settings import Settings
@@ -166,7 +167,7 @@ class ObjectRoot(SceneRoot):
         self._storage.close()
 
 
-def root_of(settings: Settings) -> SceneRoot:
+def root_of(settings: Settings, limits: Limits) -> SceneRoot:
     """Return the folder or the address that the settings name.
 
     Raises
@@ -190,10 +191,10 @@ def root_of(settings: Settings) -> SceneRoot:
         region=settings.object_region,
         cache_dir=settings.object_cache_folder,
         cache_bytes=settings.object_cache_bytes,
-        memory_bytes=settings.object_memory_bytes,
-        requests=settings.object_requests,
-        read_ahead_bytes=settings.object_read_ahead_bytes,
-        timeout_s=settings.object_timeout_s,
+        memory_bytes=limits.object_memory_bytes,
+        requests=limits.object_requests,
+        read_ahead_bytes=limits.object_read_ahead_bytes,
+        timeout_s=limits.object_timeout_s,
     )
     try:
         Origin(settings.scenes_url, options)  # sends no request

@@ -44,12 +44,14 @@ class FrameWriter:
     """
 
     def __init__(self, transport: asyncio.Transport) -> None:
-        transport.set_write_buffer_limits(0)  # resume_writing is called when all was sent
         self._transport = transport
         self.descriptor = -1
         """File descriptor of a plain socket; -1 under TLS, without writev, and after the end."""
         raw: socket.socket | None = transport.get_extra_info("socket")
         is_secure = transport.get_extra_info("sslcontext") is not None
+        # resume_writing is called when all was sent. uvloop's TLS transport pauses for ever with a
+        # high mark of 0.
+        transport.set_write_buffer_limits(MAX_UNREAD_BYTES if is_secure else 0, 0)
         if raw is not None and hasattr(os, "writev") and not is_secure:
             self.descriptor = raw.fileno()
         self.lost = False
