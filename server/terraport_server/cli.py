@@ -98,9 +98,7 @@ def serve(
     ] = None,
     viewer: Annotated[
         bool | None,
-        typer.Option(
-            "--viewer/--no-viewer", help="Show the viewer at /. [default: viewer]"
-        ),
+        typer.Option("--viewer/--no-viewer", help="Show the viewer at /. [default: viewer]"),
     ] = None,
     log_format: Annotated[str | None, typer.Option(help="text or json. [default: text]")] = None,
     log_level: Annotated[
