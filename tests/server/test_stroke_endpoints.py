@@ -128,6 +128,7 @@ def test_where_no_token_is_asked_for_only_this_machine_paints(grid: GridScene) -
     ("sent", "status", "code"),
     [
         ({"json": {**BODY, "width_m": 1000}}, 400, "invalid_field"),
+        ({"json": {**BODY, "name": "x" * 20_000}}, 413, "too_large"),
         ({"json": {**BODY, "line": [[0, 0]]}}, 400, "invalid_field"),
         ({"json": []}, 400, "invalid_field"),
         ({"content": b"{", "headers": {"Content-Type": "application/json"}}, 400, "invalid_field"),

@@ -179,15 +179,15 @@ async def get_taught(
     if served.fetchers is not None:
         return Response(status_code=204, headers=headers)
     try:
-        taught = await service.strokes.taught(served.scene.path)
+        data, etag = await service.strokes.taught(served.scene.path)
     except (StoreError, OSError) as error:
         raise _unavailable(served, error) from None
-    if taught.data is None:
+    if data is None:
         return Response(status_code=204, headers=headers)
-    headers["ETag"] = taught.etag
-    if is_unchanged(request, headers["ETag"]):
+    headers["ETag"] = etag
+    if is_unchanged(request, etag):
         return Response(status_code=304, headers=headers)
-    return Response(taught.data, media_type=_JSON, headers=headers)
+    return Response(data, media_type=_JSON, headers=headers)
 
 
 async def _body(request: Request) -> bytes:

@@ -12,8 +12,9 @@ from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 import xxhash
 
@@ -27,14 +28,12 @@ from terraport_store import (
 )
 from terraport_store.layout import MAX_STROKES_BYTES, STROKES, TAUGHT
 
-__all__ = ["CachedStrokes", "CachedTaught", "StrokeCache"]
+__all__ = ["CachedStrokes", "StrokeCache"]
 
 _MAX_KEPT_BYTES: Final = MAX_STROKES_BYTES
 """Bound on the size of the cached files; in memory they take seven times that. The newest always
 stays."""
 
-_MAX_KEPT_TAUGHT: Final = 2
-"""Number of scenes whose `taught.json` is cached."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,22 +60,11 @@ class CachedStrokes:
         yield b'],"revision":%b}' % json.dumps(self.strokes.revision).encode()
 
 
-class CachedTaught(NamedTuple):
-    """Contents of `taught.json`."""
-
-    data: bytes | None
-    """None where there is no such file."""
-    etag: str
-    """Quotes included."""
-    stamp: Hashable
-
-
 class StrokeCache:
     """Reads, changes and caches strokes; lives on one event loop."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[Path, CachedStrokes] = OrderedDict()
-        self._taught: OrderedDict[Path, CachedTaught] = OrderedDict()
         self._lock = asyncio.Lock()
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="strokes")
 
@@ -92,17 +80,13 @@ class StrokeCache:
             kept = await self._run(_change, folder, self._kept.get(folder), change)
             return self._keep(folder, kept).strokes
 
-    async def taught(self, folder: Path) -> CachedTaught:
-        """Return what the strokes have taught; raises as :func:`read_taught`."""
+    async def taught(self, folder: Path) -> tuple[bytes | None, str]:
+        """Return `taught.json`, None without one, and its entity tag; raises as `read_taught`."""
         async with self._lock:
             loop = asyncio.get_running_loop()
-            before = self._taught.get(folder)
-            taught = await loop.run_in_executor(self._thread, _read_taught, folder, before)
-            self._taught[folder] = taught
-            self._taught.move_to_end(folder)
-            if len(self._taught) > _MAX_KEPT_TAUGHT:
-                self._taught.popitem(last=False)
-            return taught
+            return await loop.run_in_executor(
+                self._thread, lambda: _taught(folder, FolderFiles(folder).stamp(TAUGHT))
+            )
 
     def stop(self) -> None:
         """Start no more tasks."""
@@ -130,19 +114,18 @@ def _read(folder: Path, before: CachedStrokes | None) -> CachedStrokes:
     return _kept(strokes, before, stamp)
 
 
-def _read_taught(folder: Path, before: CachedTaught | None) -> CachedTaught:
-    stamp = FolderFiles(folder).stamp(TAUGHT)
-    if before is not None and before.stamp == stamp:
-        return before
+@lru_cache(maxsize=2)
+def _taught(folder: Path, _stamp: Hashable) -> tuple[bytes | None, str]:
     data = read_taught(folder)
-    return CachedTaught(data, f'"{xxhash.xxh3_64_hexdigest(data or b"")}"', stamp)
+    return data, f'"{xxhash.xxh3_64_hexdigest(data or b"")}"'
 
 
 def _change(
     folder: Path, before: CachedStrokes | None, change: Callable[[Strokes], Strokes]
 ) -> CachedStrokes:
     strokes = change_strokes(folder, change, None if before is None else before.strokes)
-    return _kept(strokes, before, None)  # the next read parses it again, which is cheap for known strokes
+    # No stamp: the next read parses the file again, which is cheap for known strokes.
+    return _kept(strokes, before, None)
 
 
 def _kept(strokes: Strokes, before: CachedStrokes | None, stamp: Hashable) -> CachedStrokes:
