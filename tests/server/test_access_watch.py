@@ -136,7 +136,7 @@ def test_a_token_that_is_gone_closes_its_sessions_and_no_other(
         error, code = anna.refused()
         assert time.monotonic() - began_s < 3 * PERIOD_S + 2.0  # and what a busy machine adds
         assert (error.code, code) == ("unauthorised", 4401)
-        assert "opens this scene no more" in error.message
+        assert "no longer opens this scene" in error.message
         bob.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=50.0))
         bob.until(Ready)
     assert withdrawn(server, "revoked") == 1

@@ -1,7 +1,6 @@
-"""Keeps access current while the service runs.
+"""Reload of changed credential files, and the end of sessions whose token is no longer valid.
 
-Files of tokens and keys are read again when they change; sessions whose token ran out or was taken
-away are closed. Both within ``access_check_s`` or two.
+Both within ``access_check_s`` x 2.
 """
 
 from __future__ import annotations
@@ -21,82 +20,82 @@ from terraport_server.logging import LOGGER, log
 from terraport_server.metrics import Metrics
 from terraport_server.settings import Settings
 
-__all__ = ["AccessWatch", "Visitor"]
+__all__ = ["AccessWatch", "WatchedSession"]
 
-_SAID: Final[dict[Withdrawal, str]] = {
+_MESSAGES: Final[dict[Withdrawal, str]] = {
     "expired": "the token has expired, expected a connection with a newer one",
-    "revoked": "the token opens this scene no more, expected a connection with another one",
+    "revoked": "the token no longer opens this scene, expected a connection with another one",
 }
 
-_RESTLESS_LOOKS: Final = 10
-"""A file that changed at so many looks in a row is read although it may be changing still."""
+_MAX_CHANGES: Final = 10
+"""Consecutive polls with a change after which a file is read although it may still be changing."""
 
 _Stamps = tuple[tuple[int, int, int] | None, ...]
 """Time, size and inode of each file; None where there is none."""
 
 
 @dataclass(eq=False, slots=True)
-class Visitor:
-    """A session whose token is checked again and again: what it opened, and how to end it."""
+class WatchedSession:
+    """A session whose token is checked periodically."""
 
     scene_id: str
     withdraw: Callable[[str], None]
     """Ends the session with ``unauthorised`` and this text."""
     session_id: str
     token_pass: TokenPass | None = None
-    """``None`` until a token was shown."""
+    """``None`` until the client has sent a token."""
 
 
 @dataclass(slots=True)
-class _Watched:
-    """A file of tokens, keys or certificates, and the stamps at which it was last read."""
+class _WatchedFile:
+    """Tokens, keys, or a certificate with its key."""
 
     name: str
     paths: tuple[Path, ...]
     read: Callable[[], Callable[[], None]]
-    """Reads it, in a thread; returns what puts it in force, on the event loop."""
-    # What was read a moment ago, at the start, may have changed since, so the first look always
-    # reads once more.
+    """Reads the file, in a thread; returns what applies it, on the event loop."""
+    # Empty at first: the file may have changed since it was read at the start.
     used: _Stamps = ()
+    """Stamps of the contents that were last read."""
     seen: _Stamps = ()
-    restless: int = 0
-    """Looks in a row that each saw another change."""
+    """Stamps at the last poll."""
+    changes: int = 0
+    """Consecutive polls that saw a change."""
 
 
 class AccessWatch:
-    """Watches files and sessions. Lives on one event loop.
+    """Watches credential files and sessions. Lives on one event loop.
 
     Parameters
     ----------
     gate
-        What it keeps current.
+        Updated when a file changes.
     settings
-        Which files.
+        The files.
     metrics
-        Counters.
     """
 
     def __init__(self, gate: Gate, settings: Settings, metrics: Metrics) -> None:
         self._gate = gate
         self._settings = settings
         self._metrics = metrics
-        self._visitors: set[Visitor] = set()
-        self._files: list[_Watched] = []
+        self._sessions: set[WatchedSession] = set()
+        self._files: list[_WatchedFile] = []
         tokens, keys = settings.tokens_file, settings.token_keys_file
 
-        def tokens_again() -> Callable[[], None]:
+        def reload_tokens() -> Callable[[], None]:
             read = static_tokens(settings)
             return lambda: gate.use_tokens(read)
 
-        def keys_again() -> Callable[[], None]:
+        def reload_keys() -> Callable[[], None]:
             assert keys is not None
             read = read_keys(keys)
             return lambda: gate.use_keys(read)
 
         if tokens is not None:
-            self._files.append(_Watched("tokens", (tokens,), tokens_again))
+            self._files.append(_WatchedFile("tokens", (tokens,), reload_tokens))
         if keys is not None:
-            self._files.append(_Watched("token_keys", (keys,), keys_again))
+            self._files.append(_WatchedFile("token_keys", (keys,), reload_keys))
 
     def watch_certificate(self, context: ssl.SSLContext) -> None:
         """Load the certificate into this context again when it changes, for new connections."""
@@ -104,7 +103,7 @@ class AccessWatch:
         assert certificate is not None
         assert key is not None
 
-        def certificate_again() -> Callable[[], None]:
+        def reload_certificate() -> Callable[[], None]:
             try:
                 ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key)
             except OSError as error:
@@ -112,75 +111,77 @@ class AccessWatch:
                 raise SettingsError("ssl_certfile", what) from None
             return lambda: context.load_cert_chain(certificate, key)
 
-        self._files.append(_Watched("tls", (certificate, key), certificate_again))
+        self._files.append(_WatchedFile("tls", (certificate, key), reload_certificate))
 
-    def add(self, visitor: Visitor) -> None:
+    def add(self, session: WatchedSession) -> None:
         """Watch a session, until :meth:`remove`."""
-        self._visitors.add(visitor)
+        self._sessions.add(session)
 
-    def remove(self, visitor: Visitor) -> None:
-        """Watch a session no more."""
-        self._visitors.discard(visitor)
+    def remove(self, session: WatchedSession) -> None:
+        """Stop watching a session."""
+        self._sessions.discard(session)
 
     async def watch(self, period_s: float) -> None:
-        """Refresh, and check every visitor, once a period until cancelled."""
+        """Reload files and check every session, once a period until cancelled."""
         while True:
             await asyncio.sleep(period_s)
             try:
                 await self.refresh()
-                self.sweep()
-            except Exception:  # noqa: BLE001 - a watch that ended would leave every door as it is
+                self.end_withdrawn()
+            except Exception:  # noqa: BLE001 - without the watch, no token could be revoked
                 LOGGER.exception("access watch failed")
 
     async def refresh(self) -> None:
-        """Read the files that have changed.
+        """Reload the files that have changed.
 
-        A file is read when two looks, one period apart, saw the same of it: it may be written in
-        place, and half of it would lock people out. What cannot be used is logged once, and what
-        was read before stays in force. One that changes again and again is read all the same after
-        some looks, if it did not change meanwhile: else nobody could be locked out any more.
+        A file is read when two consecutive polls saw the same stamps, since half of a file that is
+        written in place would lock clients out. An invalid file is logged once, and the last valid
+        contents stay in force. A file that keeps changing is read after `_MAX_CHANGES` polls, if it
+        did not change during the read: otherwise no token could be revoked.
         """
         for file in self._files:
-            seen = await asyncio.to_thread(_stamps, file.paths)
-            quiet = seen == file.seen and seen != file.used
-            file.restless = 0 if seen in (file.seen, file.used) else file.restless + 1
-            file.seen = seen
-            if quiet or file.restless >= _RESTLESS_LOOKS:
-                await self._read(file, seen, even_if_changing=quiet)
+            stamps = await asyncio.to_thread(_stamps, file.paths)
+            is_stable = stamps == file.seen and stamps != file.used
+            file.changes = 0 if stamps in (file.seen, file.used) else file.changes + 1
+            file.seen = stamps
+            if is_stable or file.changes >= _MAX_CHANGES:
+                await self._reload(file, stamps, is_stable=is_stable)
 
-    def sweep(self) -> None:
-        """End the sessions whose token opens their scene no more."""
-        for visitor in list(self._visitors):
-            if visitor.token_pass is None:
+    def end_withdrawn(self) -> None:
+        """End the sessions whose token no longer opens their scene."""
+        for session in list(self._sessions):
+            token_pass = session.token_pass
+            if token_pass is None:
                 continue
-            why = self._gate.withdrawal(visitor.token_pass, visitor.scene_id)
-            if why is None:
+            reason = self._gate.withdrawal(token_pass, session.scene_id)
+            if reason is None:
                 continue
-            self._visitors.discard(visitor)
-            self._metrics.withdrawn.labels(why).inc()
+            self._sessions.discard(session)
+            self._metrics.withdrawn.labels(reason).inc()
             log(
                 "access withdrawn",
-                session=visitor.session_id,
-                scene=visitor.scene_id,
-                token_name=visitor.token_pass.name,
-                reason=why,
+                session=session.session_id,
+                scene=session.scene_id,
+                token_name=token_pass.name,
+                reason=reason,
             )
-            visitor.withdraw(_SAID[why])
+            session.withdraw(_MESSAGES[reason])
 
-    async def _read(self, file: _Watched, seen: _Stamps, *, even_if_changing: bool) -> None:
+    async def _reload(self, file: _WatchedFile, stamps: _Stamps, *, is_stable: bool) -> None:
         try:
-            put_in_force = await asyncio.to_thread(file.read)
-            if not even_if_changing and await asyncio.to_thread(_stamps, file.paths) != seen:
-                return  # it may be half of one and half of another: the next look tries again
+            apply = await asyncio.to_thread(file.read)
         except SettingsError as error:
-            file.used, file.restless = seen, 0
-            self._metrics.key_reloads.labels(file.name, "bad").inc()
+            apply, outcome = None, "bad"
             log("access file not read", level=logging.ERROR, file=file.name, reason=str(error))
-            return
-        file.used, file.restless = seen, 0
-        put_in_force()
-        self._metrics.key_reloads.labels(file.name, "ok").inc()
-        log("access file read", file=file.name)
+        else:
+            if not is_stable and await asyncio.to_thread(_stamps, file.paths) != stamps:
+                return  # it changed during the read: the next poll tries again
+            outcome = "ok"
+            log("access file read", file=file.name)
+        file.used, file.changes = stamps, 0
+        self._metrics.key_reloads.labels(file.name, outcome).inc()
+        if apply is not None:
+            apply()
 
 
 def _stamps(paths: tuple[Path, ...]) -> _Stamps:

@@ -14,7 +14,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from terraport_server.auth.gate import TokenPass, bearer_token
 from terraport_server.auth.origins import host_is_ours, origin_is_allowed
-from terraport_server.auth.watch import Visitor
+from terraport_server.auth.watch import WatchedSession
 from terraport_server.client_key import client_key
 from terraport_server.descriptors import NO_DESCRIPTOR, has_free_descriptors
 from terraport_server.errors import AccessError, UnknownSceneError
@@ -100,7 +100,7 @@ async def _serve(
 ) -> None:
     """Run the session of a client that was let in, from its first message to its last.
 
-    Invariant: what is entered (scene held, visitor watched, seat taken) is left again in the
+    Invariant: what is entered (scene held, session watched, seat taken) is left again in the
     ``finally``, however the session ends; nothing between entering and ``try`` awaits.
     """
     # The scene.
@@ -125,7 +125,7 @@ async def _serve(
             if isinstance(admission, ErrorCode):
                 service.metrics.refused.labels(str(admission)).inc()
                 return admission, UNAUTHORISED_TEXT
-            visitor.token_pass = admission
+            watched.token_pass = admission
         # Only now does it count: whoever says no hello would else keep others out.
         full = service.session_counts.add(client)
         if full is not None:
@@ -133,7 +133,7 @@ async def _serve(
             return ErrorCode.TOO_MANY, full[1]
         is_counted = True
         connection.authenticate()
-        name = visitor.token_pass.name if visitor.token_pass is not None else None
+        name = watched.token_pass.name if watched.token_pass is not None else None
         sender.account = service.plans.accounts.of(f"{client} {name or ''}")
         session_log.opened()
         return None
@@ -146,11 +146,11 @@ async def _serve(
     if service.groups is not None:
 
         def may_guide() -> bool:
-            token = visitor.token_pass
+            token = watched.token_pass
             return service.settings.group_guides == "first" or (token is not None and token.guide)
 
         def owner() -> tuple[str, str | None]:
-            token = visitor.token_pass
+            token = watched.token_pass
             return client, None if token is None else token.name
 
         def deliver(message: Message) -> None:
@@ -187,10 +187,10 @@ async def _serve(
         sender.wake()
 
     # Enter, serve, leave.
-    visitor = Visitor(scene_id, withdraw, session_id, token_pass)
+    watched = WatchedSession(scene_id, withdraw, session_id, token_pass)
     service.add(sender, served)
     connection.on_shutdown = service.begin_drain
-    service.access.add(visitor)
+    service.access.add(watched)
     try:
         await sender.run()
     except Exception:
@@ -203,7 +203,7 @@ async def _serve(
         session.ended()
         if member is not None:
             member.close(monotonic())
-        service.access.remove(visitor)
+        service.access.remove(watched)
         service.remove(sender)
         if is_counted:
             service.session_counts.remove(client)
