@@ -88,7 +88,7 @@ FULL = Size(side=20, rounds=9, clients=64, segments_of_many=100, landings=400, p
 SMOKE = Size(side=6, rounds=2, clients=8, segments_of_many=9, landings=10, plan_side=100)
 
 
-def settings(changed: dict[str, Any]) -> dict[str, Any]:
+def settings() -> dict[str, Any]:
     """Bounds that do not come into play."""
     return {
         "max_sessions_per_ip": 256,
@@ -97,7 +97,7 @@ def settings(changed: dict[str, Any]) -> dict[str, Any]:
         "max_messages_per_s": 1e6,
         "log_level": "error",
         "idle_timeout_s": 600.0,
-    } | changed
+    }
 
 
 def frame_bytes(chunk: int) -> int:
@@ -400,18 +400,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
     parser.add_argument("--smoke", action="store_true", help="seconds, to see that it works")
     parser.add_argument("--only", choices=MEASUREMENTS, help="one part")
-    parser.add_argument("--lowat", type=int, help="notsent_lowat_bytes; the default's is measured")
     parser.add_argument("--pin", action="store_true", help="servers on one core, clients on others")
     arguments = parser.parse_args()
     size = replace(SMOKE if arguments.smoke else FULL, pin=arguments.pin)
     measurements = (arguments.only,) if arguments.only else MEASUREMENTS
-    changed: dict[str, Any] = {}
-    if arguments.lowat is not None:
-        changed["notsent_lowat_bytes"] = arguments.lowat
     result: dict[str, Any] = {
         "machine": f"{platform.machine()}, {os.cpu_count()} cores, Linux {platform.release()}",
         "python": platform.python_version(),
-        "settings": changed,
         "size": asdict(size),
     }
     if measurements != ("plan",):
@@ -419,7 +414,7 @@ def main() -> None:
             write_random_scene(
                 Path(folder) / "pit", side=size.side, segment_bytes=2 * CHUNK, spread=1.0
             )
-            with ServiceProcess(Path(folder), **settings(changed)) as service:
+            with ServiceProcess(Path(folder), **settings()) as service:
                 measure_service(service, size, measurements, result)
     if "plan" in measurements:
         result["plan_ms"] = measure_plan(size)

@@ -291,7 +291,6 @@ def measure_viewers(scenes: Path, nginx: str, viewers: int, side: int) -> None:
             port=origin,
             pull_base_url=f"http://127.0.0.1:{port}/{path}",
             max_sessions_per_ip=256,
-            max_connections_per_ip=1000,
         )
         with tempfile.TemporaryDirectory() as name, service:
             folder = Path(name)
@@ -318,7 +317,6 @@ def measure_s3(scenes: Path, viewers: int, side: int) -> None:
             scenes,
             pull_base_url=f"{s3_url}/packs/scenes",
             max_sessions_per_ip=256,
-            max_connections_per_ip=1000,
         ) as service:
             before_s = service.cpu_s()
             got, _ = asyncio.run(land_all(service.url, viewers, side))

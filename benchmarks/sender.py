@@ -134,10 +134,7 @@ def measure_sessions(folder: Path, count: int, landing: int, seconds: float) -> 
     """Open sessions that land once, and let some of them land again and again."""
     write_random_scene(folder / "pit", side=60, segment_bytes=20_000)
     edge_m = 60 * TILE_M
-    bounds = {"max_connections": 2 * count, "max_sessions": count + 16}
-    with ServiceProcess(
-        folder, **settings(bounds | {"max_sessions_per_ip": count + 16})
-    ) as service:
+    with ServiceProcess(folder, max_sessions=count + 16, max_sessions_per_ip=count + 16) as service:
         warm = DrainClient("127.0.0.1", service.port, "pit")
         warm.hello()
         warm.land((300.0, 0.5, 300.0), 30.0)
@@ -187,7 +184,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
     parser.add_argument("--smoke", action="store_true", help="seconds, to see that it works")
     parser.add_argument("--only", choices=["throughput", "calls", "landing", "sessions"])
-    parser.add_argument("--lowat", type=int, help="notsent_lowat_bytes; the default's is measured")
     parser.add_argument("--rounds", type=int, default=3, help="of throughput")
     parser.add_argument("--sessions", type=int, default=10_000)
     parser.add_argument("--seconds", type=float, default=60.0, help="of sessions that land")
@@ -196,13 +192,9 @@ def main() -> None:
     if arguments.smoke:
         arguments.sessions, arguments.seconds = 50, 2.0
     size = replace(size, rounds=1 if arguments.smoke else arguments.rounds)
-    changed: dict[str, Any] = {"handshake_timeout_s": 60.0}
-    if arguments.lowat is not None:
-        changed["notsent_lowat_bytes"] = arguments.lowat
     result: dict[str, Any] = {
         "machine": f"{platform.machine()}, {os.cpu_count()} cores, Linux {platform.release()}",
         "python": platform.python_version(),
-        "settings": changed,
         "load": os.getloadavg()[0],
     }
     measures = {
@@ -214,7 +206,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory(prefix="sender-") as folder:
             pit = Path(folder) / "pit"
             write_random_scene(pit, side=size.side, segment_bytes=2 * CHUNK, spread=1.0)
-            with ServiceProcess(Path(folder), **settings(changed)) as service:
+            with ServiceProcess(Path(folder), **settings()) as service:
                 for name, measure in measures.items():
                     if arguments.only in {None, name}:
                         result[name] = measure(service, size)

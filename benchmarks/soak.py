@@ -350,7 +350,7 @@ async def trial(arguments: argparse.Namespace, mix: Mix, folder: Path) -> dict[s
     log = folder / "service.log"
     settings: dict[str, Any] = {"max_sessions_per_ip": 2 * mix.clients, "token": TOKEN}
     # Nobody is a proxy: who comes from where counts.
-    settings |= {"max_connections_per_ip": 4 * mix.clients, "forwarded_allow_ips": ""}
+    settings |= {"forwarded_allow_ips": ""}
     settings |= dict(entry.split("=", 1) for entry in arguments.set)
     # All clients for so long, while the service's memory is written down.
     with (

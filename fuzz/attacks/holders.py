@@ -1,7 +1,7 @@
 """Attacks by HTTP with a token, and without one where the service asks for a lot of work.
 
 As in :mod:`attacks.load`, each runs from one address until it is told to stop. What a request costs
-depends on the scene: that of ``benchmarks/attack_cost.py`` has strokes and labels for it.
+depends on the scene: strokes and labels make it larger.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Attacks on everybody else's time: what one peer can send cheaply and the service pays for.
 
 Each runs until it is told to stop, from one address (127.0.0.2 and on), and returns how often it
-did what it does. Numbers of connections and bytes are bounded; ``benchmarks/attack_cost.py`` plays
-them beside an honest client, from one address or from ten.
+did what it does. Numbers of connections and bytes are bounded; ``benchmarks/soak.py --attacks``
+plays them beside an honest client, from one address or from ten.
 
 Here: messages, frames and upgrades. Beside it plans (:mod:`attacks.plans`), those who are never let
 in (:mod:`attacks.strangers`), HTTP requests (:mod:`attacks.requests`), seats of groups

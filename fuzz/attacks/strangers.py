@@ -25,7 +25,7 @@ Attack = Callable[[int, str, str, Going, str], int]
 it was done."""
 
 SOCKETS: Final = 150
-"""Held open from one address: more than twice ``max_connections_per_ip``."""
+"""Held open from one address: a few, beside the service's descriptors."""
 
 CYCLES_PER_S: Final = 500.0
 

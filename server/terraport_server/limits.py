@@ -89,6 +89,7 @@ class Limits:
             server=server,
             max_radius_m=settings.max_radius_m,
             max_messages_per_s=settings.max_messages_per_s,
+            max_credit_bytes=settings.max_credit_bytes,
             idle_timeout_s=settings.idle_timeout_s,
             groups=settings.groups_served,
         )

@@ -61,8 +61,6 @@ class Settings(BaseSettings):
     """Scenes in object storage (s3://BUCKET/PREFIX), or one scene; instead of scenes_dir."""
     object_endpoint: str | None = None
     """Address of the S3 service; AWS_ENDPOINT_URL or Amazon's by default."""
-    object_region: str | None = None
-    """AWS_REGION or us-east-1 by default."""
     object_cache_dir: Path | None = None
     """Folder of the cache; terraport/objects in XDG_CACHE_HOME or ~/.cache by default."""
     object_cache_bytes: Annotated[int, Field(ge=0, le=MAX_INTEGER)] = 8 << 30
@@ -122,6 +120,8 @@ class Settings(BaseSettings):
     """Sessions of one address; the last eighth of max_sessions is for addresses with few."""
     max_messages_per_s: Annotated[float, Field(gt=0, le=1e9)] = 60.0
     """Messages of one client, averaged over 10 s; a plan over many segments counts as several."""
+    max_credit_bytes: Annotated[int, Field(ge=1, le=MAX_INTEGER)] = 64 << 20
+    """Payload bytes that one client may have outstanding; more credit is clamped."""
     max_radius_m: Annotated[float, Field(gt=0, le=MAX_RADIUS_M)] = 500.0
     """Largest landing radius."""
     idle_timeout_s: _Seconds = 60.0

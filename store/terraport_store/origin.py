@@ -64,7 +64,7 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True, slots=True)
 class ObjectOptions:
-    """How object storage is used; docs/topics/limits.md has the service's settings for these."""
+    """How object storage is used; docs/topics/settings.md has some of these."""
 
     endpoint: str | None = None
     """Address of the S3 service; AWS_ENDPOINT_URL or Amazon's by default."""

@@ -1,8 +1,4 @@
-"""A new version is published while clients land: old sessions finish on theirs, new ones get it.
-
-With several workers, and with scenes large enough to see their memory return:
-benchmarks/rolling_restart.py.
-"""
+"""A new version is published while clients land: old sessions finish on theirs, new ones get it."""
 
 from __future__ import annotations
 

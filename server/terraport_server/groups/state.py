@@ -18,7 +18,7 @@ Place = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroupLimits:
-    """Limits of the groups of one process. Every field is a setting; see docs/topics/limits.md."""
+    """Limits of the groups of one process. Some are settings: docs/topics/settings.md."""
 
     max_groups: int = 64
     max_groups_per_client: int = 8

@@ -188,7 +188,6 @@ def root_of(settings: Settings, limits: Limits) -> SceneRoot:
         raise SettingsError("scenes_url", what) from None
     options = ObjectOptions(
         endpoint=settings.object_endpoint,
-        region=settings.object_region,
         cache_dir=settings.object_cache_folder,
         cache_bytes=settings.object_cache_bytes,
         memory_bytes=limits.object_memory_bytes,

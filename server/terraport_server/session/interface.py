@@ -101,7 +101,7 @@ class SceneView:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionLimits:
-    """Limits of one session. Every field is a setting; see docs/topics/limits.md."""
+    """Limits of one session. Some are settings: docs/topics/settings.md."""
 
     server: str = "terraport"
     release_factor: float = 1.25
