@@ -206,11 +206,11 @@ def _address(settings: Settings, scheme: str) -> str:
 
 def _viewer_line(settings: Settings, scheme: str) -> str:
     """Return the viewer's address, or why there is no viewer."""
-    from terraport_server.http.viewer import BUILT_PAGE
+    from terraport_server.http.viewer import has_viewer
 
     if not settings.viewer:
         return "switched off"
-    if settings.viewer_dir is None and not (BUILT_PAGE / "index.html").is_file():
+    if not has_viewer(settings):
         return "not built; in a checkout `pip install -e .` builds it"
     return f"{_address(settings, scheme)}/"
 
