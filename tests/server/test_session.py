@@ -27,7 +27,7 @@ from server.session_model import (
 )
 
 from terraport_server.session.interface import Close, Observer, SessionLimits
-from terraport_server.session.session import INTERNAL_TEXT, Session
+from terraport_server.session.session import Session
 from terraport_wire import (
     HELD_DTYPE,
     MAX_CHUNK_BYTES,
@@ -128,13 +128,6 @@ def test_bye_ends_it_and_nothing_more_is_sent() -> None:
     client.session.picked(4, None)
     assert client.run() == [Close(CloseCode.NORMAL, "bye")]
     assert client.run() == []
-
-
-def test_a_failure_of_ours_tells_nothing() -> None:
-    client = make_client()
-    client.session.fail()
-    error = assert_fatal(client, ErrorCode.INTERNAL, CloseCode.INTERNAL)
-    assert error.message == INTERNAL_TEXT
 
 
 # Notices.

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from terraport_payload import box_distances_m
-from terraport_payload.types import AnyArray, AnyInt, Bool, Float64, Int64, UInt32
+from terraport_payload.types import AnyArray, AnyInt, Bool, Int64, UInt32
 from terraport_server.session.id_set import IdSet
 from terraport_server.session.interface import PullView, SceneView, SegmentTable, SessionLimits
 from terraport_wire import BLOCK_BYTES, ID_DTYPE, LOAD_DTYPE, Aim, Hello, Land, Plan, Prefetch
@@ -91,17 +91,7 @@ class Selection:
 
 
 class Planner:
-    """Planner for one client in one scene.
-
-    Parameters
-    ----------
-    scene
-        The served scene.
-    limits
-        Limits of the session.
-    hello
-        The client's encoding, budgets and release factor.
-    """
+    """Planner for one client in one scene."""
 
     def __init__(self, scene: SceneView, limits: SessionLimits, hello: Hello) -> None:
         self.table: SegmentTable = scene.encodings[hello.encoding]
@@ -119,7 +109,8 @@ class Planner:
             outer_release_m = wanted.coarse_radius_m * self.release_factor
             coarse = (wanted.coarse_radius_m, outer_release_m)
             around = self._within(wanted.position, wanted.coarse_radius_m)
-            is_near = self._distances_m(around, wanted) <= wanted.radius_m
+            distances = box_distances_m(self.table.bounds[around], wanted.position)
+            is_near = distances <= wanted.radius_m
             near = np.concatenate([around[is_near], around[~is_near] + self.table.segment_count])
         else:
             near = self._within(wanted.position, wanted.radius_m)
@@ -138,9 +129,6 @@ class Planner:
             budgets=self._budgets,
         )
         return chosen, len(near) + len(held)
-
-    def _distances_m(self, segments: Int64, wanted: Land | Aim) -> Float64:
-        return box_distances_m(self.table.bounds[segments], wanted.position)
 
     def plan(self, land: Land, chosen: Selection) -> Plan:
         """Return the ``plan`` of a landing; rows are in sending order, with blocks for pull."""
@@ -187,25 +175,8 @@ def find_candidates(
     Beyond the load radius only held segments are examined, never the whole scene: a ball of four
     times the radius contains sixteen times as many segments.
 
-    Parameters
-    ----------
-    table
-        Table of the scene.
-    near
-        Rows within the load radius, ascending.
-    held
-        Ids that the client holds.
-    centre
-        Position of the landing in metres, scene frame.
-    release_radius_m
-        Radius within which held segments are kept; at least the largest load radius.
-
-    Returns
-    -------
-    candidates : ndarray of int64
-        Unique rows, including each one that :func:`select` may choose.
-    is_held : ndarray of bool
-        True for each candidate that is held.
+    ``near`` are the rows within the load radius, ascending. The result is unique rows, and for each
+    of them whether it is held.
     """
     ids = held.array()
     if not len(ids):  # skip a dozen NumPy calls
@@ -247,31 +218,18 @@ def select(
 
     Parameters
     ----------
-    table
-        Table of the scene.
     candidates
         Unique rows: each one within its radius and each held one within its level's release
         radius; more rows do no harm.
     centre
         Position of the landing in metres, scene frame.
-    radius_m
-        Load radius, at least 0.
-    release_radius_m
-        Release radius, at least ``radius_m``.
     inner_radius_m
         Radius of the inner set; ``None``: no inner set.
     held
         True for each candidate that the client holds.
-    budgets
-        Upper bounds.
     coarse
         Radius and release radius of the coarser level, each at least that of full detail; ``None``:
         no coarser level.
-
-    Returns
-    -------
-    Selection
-        The plan.
 
     Notes
     -----
@@ -343,22 +301,7 @@ def select(
 
 
 def gpu_bytes(table: SegmentTable, ids: Int64, budgets: Budgets) -> Int64:
-    """Return the bytes of segments on a client's GPU; spec/wire-protocol.md, section 6.2.
-
-    Parameters
-    ----------
-    table
-        Table of the scene.
-    ids
-        N rows of the table.
-    budgets
-        Bytes per vertex and triangle.
-
-    Returns
-    -------
-    ndarray of shape (N,), int64
-        Bytes of each segment.
-    """
+    """Return the bytes of each segment on a client's GPU; spec/wire-protocol.md, section 6.2."""
     vertices, faces = table.vertices[ids].astype(np.int64), table.faces[ids].astype(np.int64)
     face_bytes = np.where(
         vertices > _MOST_OF_SHORT_INDICES,

@@ -357,10 +357,6 @@ class Session:
         if self._transfers is not None:
             self._transfers.end()
 
-    def fail(self) -> None:
-        """End the session after an internal error, without details."""
-        self._fatal(ErrorCode.INTERNAL, INTERNAL_TEXT)
-
     def _on_hello(self, hello: Hello) -> None:
         if self._transfers is not None:
             self._fatal(ErrorCode.OUT_OF_ORDER, "got a second hello, expected one")
