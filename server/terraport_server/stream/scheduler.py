@@ -18,7 +18,7 @@ __all__ = ["STEP_BYTES", "TURN_BYTES", "Burst", "Rank", "SendScheduler", "rank_o
 STEP_BYTES: Final = 2 << 20
 """Payload of all clients in one iteration of the event loop."""
 
-TURN_BYTES: Final = 1 << 20
+TURN_BYTES: Final = 512 << 10
 """Payload of one client before others have their turn."""
 
 _LEAST_TURN_BYTES: Final = 16 << 10
