@@ -55,6 +55,10 @@ GRAZING_REACH_M: Final = (0.5, 80.0)
 """Range of distances from a grazing ray's start to its target, metres; less if ground is in
 between."""
 
+NEAREST_EYE_M: Final = 0.1
+"""Minimum distance of a grazing ray's start to its target, metres: the viewers' near plane. Nothing
+nearer is drawn. A start in a crevice of noise, a centimetre from the target, is no view."""
+
 STEEP_WEIGHT: Final = 4.0
 """Additional weight of a vertical face: five rays for one at a horizontal face of equal area."""
 
@@ -348,7 +352,7 @@ def grazing_rays(
     Returns
     -------
     Rays
-        One per point, in the given order.
+        In the given order, without points that nobody sees from :data:`NEAREST_EYE_M`.
     """
     count = len(targets)
     along = rng.normal(size=(count, 3))
@@ -358,8 +362,9 @@ def grazing_rays(
     outward = (np.cos(angle) * along + np.sin(angle) * normals).astype(np.float32)
     away = _log_uniform(GRAZING_REACH_M, count, rng).astype(np.float32)
     away = np.minimum(away, np.float32(0.9) * free_m(targets, outward))
-    origins = (targets + outward * away[:, None]).astype(np.float32)
-    return Rays(origins, -outward, np.full(count, RayKind.GRAZING, np.uint8))
+    seen = np.flatnonzero(away >= NEAREST_EYE_M)
+    origins = (targets + outward * away[:, None]).astype(np.float32)[seen]
+    return Rays(origins, -outward[seen], np.full(len(seen), RayKind.GRAZING, np.uint8))
 
 
 def _log_uniform(limits: tuple[float, float], count: int, rng: np.random.Generator) -> Float64:
