@@ -1,15 +1,15 @@
-"""Fair queues for plans and picks: the client that has used the least CPU time lately goes first.
+"""Fair queues for plans and picks: the client that has used the least CPU time goes first.
 
 A plan takes up to several milliseconds, a pick as long, and all clients together may ask for more
 than there is time for. Each job is charged to the account of its client with the CPU time that it
-took. Usage decays by half every `HALF_LIFE_S`, as in the scheduler of 4.3BSD, so a client that asks
-for much all the time waits behind all that do not, and is as good as new a minute later.
+took, so a plan over many segments costs more than one over few. Start-time fair queueing (Goyal,
+Vin, Cheng, SIGCOMM 1996): a job's start is the end of its client's last one in virtual time, or the
+present if that is later; the earliest start goes first. Idle time earns nothing.
 """
 
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -17,72 +17,52 @@ from heapq import heappop, heappush
 from time import monotonic, thread_time
 from typing import Final, Generic, TypeVar
 
-__all__ = ["HEAVY_S", "Account", "Accounts", "FairQueue", "PickQueue", "PlanQueue"]
+__all__ = ["Account", "FairQueue", "PickQueue", "PlanQueue"]
 
-HALF_LIFE_S: Final = 10.0
-"""Time after which CPU usage counts half."""
+LEAD_S: Final = 0.001
+"""CPU seconds by which a job may start before the present: the steps of one small landing."""
 
-HEAVY_S: Final = 0.1
-"""CPU seconds of recent usage beyond which a client leaves gaps for others: see `PlanQueue`."""
+FREE_SHARE: Final = 0.05
+"""Share of CPU time that a client may use without leaving gaps for others: see `PlanQueue`."""
+
+FREE_S: Final = 0.025
+"""CPU seconds that it may use at once without: some ten wide plans."""
+
+GAP: Final = 3.0
+"""Time between jobs of such clients, in units of the time that the last one took."""
 
 _OVERHEAD_S: Final = 0.0001
 """CPU seconds of a job besides its own: waking, system calls, handing over."""
 
-_MAX_IDLE_ACCOUNTS: Final = 4096
-"""Accounts that are kept; of more, those with little recent usage are dropped."""
+_MAX_ACCOUNTS: Final = 4096
+"""Accounts that are kept before those without recent use are dropped."""
 
 T = TypeVar("T")
 
 
 class Account:
-    """CPU time that one client has used lately.
+    """CPU time that one client has used of one queue."""
 
-    Usage is kept as the logarithm of what it would be had it not decayed, so that accounts compare
-    without a look at the clock.
-
-    Examples
-    --------
-    >>> account = Account()
-    >>> account.charge(0.4, now_s=100.0)
-    >>> round(account.used_s(now_s=100.0), 3), round(account.used_s(now_s=120.0), 3)
-    (0.4, 0.1)
-    """
-
-    __slots__ = ("score",)
+    __slots__ = ("_charged_s", "_debt_s", "end_s")
 
     def __init__(self) -> None:
-        self.score = -math.inf
-        """log2(usage) + time / half-life."""
+        self.end_s = 0.0
+        """End of its last job in the queue's virtual time."""
+        self._debt_s = 0.0
+        self._charged_s = 0.0
 
     def charge(self, seconds: float, now_s: float) -> None:
         """Add CPU time."""
-        if seconds > 0.0:
-            added = math.log2(seconds) + now_s / HALF_LIFE_S
-            high, low = max(self.score, added), min(self.score, added)
-            self.score = high + math.log2(1.0 + 2.0 ** (low - high))
+        self.end_s += seconds
+        self._debt_s = self._debt(now_s) + seconds
+        self._charged_s = now_s
 
-    def used_s(self, now_s: float) -> float:
-        """Return the decayed usage, CPU seconds."""
-        return math.exp2(self.score - now_s / HALF_LIFE_S)
+    def is_heavy(self, now_s: float) -> bool:
+        """Return whether it has used more than is free."""
+        return self._debt(now_s) > FREE_S
 
-
-class Accounts:
-    """Accounts by client; a client that reconnects continues with its usage."""
-
-    def __init__(self) -> None:
-        self._accounts: dict[str, Account] = {}
-
-    def of(self, client: str) -> Account:
-        """Return the account of a client."""
-        account = self._accounts.get(client)
-        if account is None:
-            if len(self._accounts) >= _MAX_IDLE_ACCOUNTS:
-                now_s = monotonic()
-                self._accounts = {
-                    name: one for name, one in self._accounts.items() if one.used_s(now_s) > 0.001
-                }
-            account = self._accounts[client] = Account()
-        return account
+    def _debt(self, now_s: float) -> float:
+        return max(0.0, self._debt_s - FREE_SHARE * (now_s - self._charged_s))
 
 
 class FairQueue(Generic[T]):
@@ -90,53 +70,71 @@ class FairQueue(Generic[T]):
 
     Examples
     --------
-    >>> queue, wide, narrow = FairQueue[str](), Account(), Account()
-    >>> wide.charge(1.0, now_s=0.0)
-    >>> for account, job in ((wide, "w1"), (wide, "w2"), (narrow, "n1")):
-    ...     queue.add(account, job)
+    >>> queue = FairQueue[str]()
+    >>> queue.account("wide").charge(1.0, now_s=0.0)
+    >>> for client, job in (("wide", "w1"), ("wide", "w2"), ("narrow", "n1")):
+    ...     queue.add(client, job)
     >>> [queue.take()[1] for _ in range(len(queue))]
     ['n1', 'w1', 'w2']
     """
 
     def __init__(self) -> None:
-        self._jobs: list[tuple[float, int, Account, T]] = []
+        self._jobs: list[tuple[float, float, int, Account, T]] = []
+        self._accounts: dict[str, Account] = {}
+        self._now_s = 0.0
+        """Virtual time: the latest start of a job."""
         self._number = 0
 
     def __len__(self) -> int:
         return len(self._jobs)
 
-    def add(self, account: Account, job: T) -> None:
-        """Add a job; an account may have several."""
+    def account(self, client: str) -> Account:
+        """Return the account of a client; one that reconnects continues with its own."""
+        account = self._accounts.get(client)
+        if account is None:
+            if len(self._accounts) >= _MAX_ACCOUNTS:
+                self._accounts = {
+                    name: one
+                    for name, one in self._accounts.items()
+                    if one.end_s > self._now_s - LEAD_S
+                }
+            account = self._accounts[client] = Account()
+        return account
+
+    def add(self, client: str, job: T) -> None:
+        """Add a job; a client may have several."""
+        account = self.account(client)
         self._number += 1
-        heappush(self._jobs, (account.score, self._number, account, job))
+        start_s = max(self._now_s - LEAD_S, account.end_s)
+        heappush(self._jobs, (start_s, account.end_s, self._number, account, job))
 
     def peek(self) -> Account:
         """Return the account of the next job; IndexError where there is none."""
         while True:
-            score, number, account, job = self._jobs[0]
-            if score >= account.score:
+            start_s, _, number, account, job = self._jobs[0]
+            if start_s >= account.end_s:
                 return account
             # Charged since it was added.
             heappop(self._jobs)
-            heappush(self._jobs, (account.score, number, account, job))
+            heappush(self._jobs, (account.end_s, account.end_s, number, account, job))
 
     def take(self) -> tuple[Account, T]:
         """Remove and return the next job; IndexError where there is none."""
         self.peek()
-        _, _, account, job = heappop(self._jobs)
+        start_s, _, _, account, job = heappop(self._jobs)
+        self._now_s, account.end_s = max(self._now_s, start_s), start_s
         return account, job
 
 
 class PlanQueue:
     """Runs short jobs on the event loop, one per loop iteration where several clients wait.
 
-    After a job of a client with more than `HEAVY_S` of recent usage, such clients wait as long as
-    it took: a landing is some twenty iterations, and each would otherwise be as long as the widest
-    plan of somebody else.
+    After a job of a client that has used more than is free, such clients wait for `GAP` times as
+    long as it took: a landing is several iterations, and each would otherwise be as long as the
+    widest plan of somebody else.
     """
 
     def __init__(self) -> None:
-        self.accounts = Accounts()
         self._waiting = FairQueue[tuple[Callable[[], None], Callable[[], None]]]()
         self._has_run = False
         """Whether a job was run in this loop iteration."""
@@ -147,28 +145,31 @@ class PlanQueue:
         """Return the number of waiting jobs."""
         return len(self._waiting)
 
-    def ask(self, account: Account, job: Callable[[], None], finished: Callable[[], None]) -> None:
+    def ask(self, client: str, job: Callable[[], None], finished: Callable[[], None]) -> None:
         """Run a job now or in a later iteration, charge it, and call *finished*.
 
         Both handle their own exceptions.
         """
-        self._waiting.add(account, (job, finished))
+        self._waiting.add(client, (job, finished))
         if not self._has_run:
             self._run_next()
 
-    def charge(self, account: Account, began_s: float) -> None:
+    def charge(self, client: str, began_s: float) -> None:
         """Charge the CPU time since a moment of ``thread_time``."""
-        now_s, took_s = monotonic(), thread_time() - began_s
+        self._charge(self._waiting.account(client), thread_time() - began_s)
+
+    def _charge(self, account: Account, took_s: float) -> None:
+        now_s = monotonic()
         account.charge(took_s, now_s)
-        if account.used_s(now_s) > HEAVY_S:
-            self._gap_ends_s = now_s + took_s
+        if account.is_heavy(now_s):
+            self._gap_ends_s = now_s + GAP * took_s
 
     def _run_next(self) -> None:
         self._has_run = False
         if not self._waiting:
             return
         now_s = monotonic()
-        if now_s < self._gap_ends_s and self._waiting.peek().used_s(now_s) > HEAVY_S:
+        if now_s < self._gap_ends_s and self._waiting.peek().is_heavy(now_s):
             if self._timer is None:
                 wait_s = self._gap_ends_s - now_s
                 self._timer = asyncio.get_running_loop().call_later(wait_s, self._end_gap)
@@ -178,8 +179,7 @@ class PlanQueue:
         account, (job, finished) = self._waiting.take()
         began_s = thread_time()
         job()
-        account.charge(_OVERHEAD_S, now_s)
-        self.charge(account, began_s)
+        self._charge(account, _OVERHEAD_S + thread_time() - began_s)
         finished()
 
     def _end_gap(self) -> None:
@@ -221,13 +221,13 @@ class PickQueue(Generic[T]):
         self._is_open = True
         self._waiting = FairQueue[_Pick[T]]()
 
-    async def run(self, account: Account, work: Callable[[], T], finished: Callable[[], None]) -> T:
+    async def run(self, client: str, work: Callable[[], T], finished: Callable[[], None]) -> T:
         """Run *work* in a thread and return its result; a cancelled pick is not started.
 
         Parameters
         ----------
-        account
-            The client's.
+        client
+            Who is charged.
         work
             Blocks.
         finished
@@ -239,7 +239,7 @@ class PickQueue(Generic[T]):
             Whatever *work* raises.
         """
         pick = _Pick(work, finished)
-        self._waiting.add(account, pick)
+        self._waiting.add(client, pick)
         self._start()
         return await pick.answer
 

@@ -11,7 +11,7 @@ from typing import Final
 from terraport_server.auth.gate import Gate
 from terraport_server.auth.watch import AccessWatch
 from terraport_server.errors import PickTimeoutError
-from terraport_server.fair_queue import Account, PickQueue, PlanQueue
+from terraport_server.fair_queue import PickQueue, PlanQueue
 from terraport_server.groups.hub import GroupHub
 from terraport_server.limits import DEFAULT_LIMITS, Limits
 from terraport_server.logging import OncePerMinute, log
@@ -182,7 +182,7 @@ class Service:
         served = self._senders.pop(sender)
         served.release()
 
-    async def run_pick(self, served: ServedScene, action: RunPick, account: Account) -> Hit | None:
+    async def run_pick(self, served: ServedScene, action: RunPick, client: str) -> Hit | None:
         """Answer a pick in a thread, when it is its client's turn and within its time bound.
 
         Cancelling it leaves the thread to end by itself; the scene is held until then.
@@ -215,7 +215,7 @@ class Service:
             self.metrics.corrupt_segments.labels(self.metrics.scene_label(served.id)).inc()
 
         served.hold()
-        return await (served.pickers or self._picks).run(account, work, served.release)
+        return await (served.pickers or self._picks).run(client, work, served.release)
 
     def _published(self, served: ServedScene) -> None:
         for sender, using in self._senders.items():

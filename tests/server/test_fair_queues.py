@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from terraport_server.fair_queue import Account, Accounts, FairQueue, PickQueue, PlanQueue
+from terraport_server.fair_queue import Account, FairQueue, PickQueue, PlanQueue
 from terraport_server.stream.limits import RESERVED_SHARE, SessionCounts
 from terraport_server.stream.scheduler import STEP_BYTES, TURN_BYTES, Rank, SendScheduler
 
@@ -32,49 +32,67 @@ def busy(seconds: float) -> Callable[[], None]:
 def test_clients_that_always_ask_get_equal_cpu_time(costs_ms: list[int]) -> None:
     """Whatever their jobs cost, usage differs by two jobs at most."""
     queue = FairQueue[int]()
-    accounts = [Account() for _ in costs_ms]
     used_ms: Counter[int] = Counter()
-    for number, account in enumerate(accounts):
-        queue.add(account, number)
+    for number in range(len(costs_ms)):
+        queue.add(str(number), number)
     for _ in range(400):
         account, number = queue.take()
         account.charge(costs_ms[number] / 1000.0, now_s=0.0)
         used_ms[number] += costs_ms[number]
-        queue.add(account, number)
+        queue.add(str(number), number)
     used = [used_ms[number] for number in range(len(costs_ms))]
     assert max(used) - min(used) <= 2 * max(costs_ms)
 
 
+def test_newcomers_do_not_overtake_a_client_that_has_used_little_for_long() -> None:
+    queue = FairQueue[str]()
+    for number in range(2000):  # one that works for long, one that asks now and then
+        queue.add("wide", "w")
+        if number % 50 == 0:
+            queue.add("narrow", "n")
+        for _ in range(len(queue)):
+            account, job = queue.take()
+            account.charge(0.005 if job == "w" else 0.001, now_s=0.0)
+    for number in range(10):
+        queue.add(f"new {number}", f"new {number}")
+        queue.add(f"new {number}", "again")
+    queue.add("narrow", "n")
+    order = []
+    while queue:
+        account, job = queue.take()
+        account.charge(0.005, now_s=0.0)
+        order.append(job)
+    assert order.index("n") <= 10
+
+
 def test_a_client_that_reconnects_continues_with_its_usage() -> None:
-    accounts = Accounts()
-    accounts.of("192.0.2.1 anna").charge(1.0, now_s=5.0)
-    assert accounts.of("192.0.2.1 anna").used_s(5.0) == pytest.approx(1.0)
-    assert accounts.of("192.0.2.1 ben").used_s(5.0) == 0.0
+    queue = FairQueue[str]()
+    queue.account("192.0.2.1 anna").charge(1.0, now_s=5.0)
+    queue.add("192.0.2.1 anna", "anna")
+    queue.add("192.0.2.1 ben", "ben")
+    assert queue.take()[1] == "ben"
 
 
-def test_usage_decays() -> None:
+def test_what_is_used_slowly_is_free() -> None:
     account = Account()
     account.charge(1.0, now_s=0.0)
-    account.charge(1.0, now_s=10.0)
-    assert account.used_s(10.0) == pytest.approx(1.5)
-    assert account.used_s(1e6) == 0.0
+    assert account.is_heavy(10.0)
+    assert not account.is_heavy(21.0)
 
 
 def test_a_plan_of_a_light_client_goes_before_those_of_heavy_ones() -> None:
     async def story() -> list[str]:
         plans, order = PlanQueue(), list[str]()
-        heavy = [plans.accounts.of(f"heavy {number}") for number in range(10)]
         done = asyncio.get_running_loop().create_future()
         for number in range(40):
-            account = heavy[number % 10]
-            plans.ask(account, busy(0.004), lambda: order.append("heavy"))
+            plans.ask(f"heavy {number % 10}", busy(0.004), lambda: order.append("heavy"))
 
         def light() -> None:
             order.append("light")
             done.set_result(None)
 
         await asyncio.sleep(0.05)
-        plans.ask(plans.accounts.of("light"), lambda: None, light)
+        plans.ask("light", lambda: None, light)
         await asyncio.wait_for(done, 10)
         return order
 
@@ -85,9 +103,9 @@ def test_a_plan_of_a_light_client_goes_before_those_of_heavy_ones() -> None:
 def test_a_plan_runs_at_once_where_nobody_waits() -> None:
     async def story() -> None:
         plans, order = PlanQueue(), list[int]()
-        plans.ask(Account(), lambda: order.append(1), lambda: order.append(2))
+        plans.ask("anna", lambda: order.append(1), lambda: order.append(2))
         assert order == [1, 2]
-        plans.ask(Account(), lambda: order.append(3), lambda: None)
+        plans.ask("anna", lambda: order.append(3), lambda: None)
         assert order == [1, 2], "one in an iteration of the loop"
         await asyncio.sleep(0.01)
         assert order == [1, 2, 3]
@@ -98,20 +116,18 @@ def test_a_plan_runs_at_once_where_nobody_waits() -> None:
 def test_a_pick_of_a_light_client_goes_before_a_flood() -> None:
     async def story() -> list[str]:
         queue, gate, order = PickQueue[None](1), threading.Event(), list[str]()
-        heavy, light = Account(), Account()
-        heavy.charge(1.0, time.monotonic())
 
         def work(name: str) -> None:
             gate.wait(10)
             order.append(name)
 
         picks = [
-            asyncio.create_task(queue.run(heavy, lambda: work("heavy"), lambda: None))
+            asyncio.create_task(queue.run("heavy", lambda: work("heavy"), lambda: None))
             for _ in range(5)
         ]
         await asyncio.sleep(0.01)
-        picks.append(asyncio.create_task(queue.run(light, lambda: work("light"), lambda: None)))
-        cancelled = asyncio.create_task(queue.run(light, lambda: work("never"), lambda: None))
+        picks.append(asyncio.create_task(queue.run("light", lambda: work("light"), lambda: None)))
+        cancelled = asyncio.create_task(queue.run("light", lambda: work("never"), lambda: None))
         await asyncio.sleep(0.01)
         cancelled.cancel()
         gate.set()
@@ -127,10 +143,10 @@ def test_a_pick_of_a_light_client_goes_before_a_flood() -> None:
 def test_a_failed_pick_is_raised_to_its_client_alone() -> None:
     async def story() -> None:
         queue, ended = PickQueue[int](1), list[int]()
-        failing = queue.run(Account(), lambda: 1 // 0, lambda: ended.append(1))
+        failing = queue.run("anna", lambda: 1 // 0, lambda: ended.append(1))
         with pytest.raises(ZeroDivisionError):
             await failing
-        assert await queue.run(Account(), lambda: 7, lambda: ended.append(2)) == 7
+        assert await queue.run("anna", lambda: 7, lambda: ended.append(2)) == 7
         assert ended == [1, 2]
         queue.shutdown(wait=True)
 

@@ -134,7 +134,7 @@ async def _serve(
         is_counted = True
         connection.authenticate()
         name = watched.token_pass.name if watched.token_pass is not None else None
-        sender.account = service.plans.accounts.of(f"{client} {name or ''}")
+        sender.client = f"{client} {name or ''}"
         session_log.opened()
         return None
 

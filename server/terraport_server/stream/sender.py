@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from time import monotonic, thread_time
 from typing import Any, Final
 
-from terraport_server.fair_queue import Account, PlanQueue
+from terraport_server.fair_queue import PlanQueue
 from terraport_server.metrics import Metrics
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.session.interface import Close, MakePlan, RunPick, SendChunk, SendMessage
@@ -57,7 +57,7 @@ _FREE_MESSAGE_BYTES: Final = 4 << 10
 
 _SHORTEST_TICK_S: Final = 0.002
 
-PickRunner = Callable[[ServedScene, RunPick, Account], Awaitable[Hit | None]]
+PickRunner = Callable[[ServedScene, RunPick, str], Awaitable[Hit | None]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,8 +131,8 @@ class Sender:
         run_pick: PickRunner,
     ) -> None:
         self.session = session
-        self.account = Account()
-        """CPU time of the client; replaced once it is authenticated."""
+        self.client = ""
+        """Name under which CPU time is charged, once it is authenticated."""
         self._connection = connection
         self._writer = connection.writer
         self._served = served
@@ -209,7 +209,7 @@ class Sender:
         except Exception as error:  # noqa: BLE001 - ends the session
             self._end(error)
         if began_s is not None:
-            self._plans.charge(self.account, began_s)
+            self._plans.charge(self.client, began_s)
         self.pump()
         self._set_timer()
         return self._has_room
@@ -262,7 +262,7 @@ class Sender:
         elif isinstance(action, MakePlan):
             writer.flush()
             self._is_waiting = True
-            self._plans.ask(self.account, self._plan, self._go_on)
+            self._plans.ask(self.client, self._plan, self._go_on)
         elif isinstance(action, RunPick):
             self._start(self._pick(action))
         else:
@@ -311,7 +311,7 @@ class Sender:
 
     async def _pick(self, action: RunPick) -> None:
         try:
-            hit = await self._run_pick(self._served, action, self.account)
+            hit = await self._run_pick(self._served, action, self.client)
         except Exception as error:  # noqa: BLE001 - logged; the session goes on
             self._metrics.picks.labels("failed").inc()
             self._served.tell_failure("pick failed", None, error, level=logging.WARNING)
