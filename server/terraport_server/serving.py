@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import errno
 import gc
@@ -41,6 +42,9 @@ _RECEIVE_BUFFER_BYTES: Final = 64 << 10
 
 _KEEP_ALIVE_S: Final = 5
 """Time that an HTTP connection may stay idle after a response."""
+
+_DRAIN_POLL_S: Final = 0.02
+"""Interval at which a server that shuts down looks for open sessions."""
 
 _SWITCH_S: Final = 0.0005
 """Interval after which a thread (picks) hands the interpreter to the event loop. Python's default
@@ -99,6 +103,37 @@ def host_in_url(host: str) -> str:
     return f"[{host}]" if ":" in host else host
 
 
+class DrainingServer(uvicorn.Server):
+    """uvicorn's server that accepts connections until the open landings are over.
+
+    A client that connects meanwhile is told ``draining`` and when to return; with a closed socket
+    it would take the address for a wrong one.
+
+    Parameters
+    ----------
+    config
+    service
+        Its sessions are drained.
+    """
+
+    def __init__(self, config: uvicorn.Config, service: Service) -> None:
+        super().__init__(config)
+        self._service = service
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Drain the sessions, then stop listening and close what is left."""
+        service = self._service
+        service.begin_drain()
+        loop = asyncio.get_running_loop()
+        end_s = loop.time() + service.settings.drain_timeout_s + service.limits.close_timeout_s
+        # Polled: uvicorn sets force_exit, at a second signal, without an event.
+        while (  # noqa: ASYNC110
+            service.session_count and loop.time() < end_s and not self.force_exit
+        ):
+            await asyncio.sleep(_DRAIN_POLL_S)
+        await super().shutdown(sockets)
+
+
 def make_server(
     settings: Settings, limits: Limits = DEFAULT_LIMITS
 ) -> tuple[uvicorn.Server, Service]:
@@ -116,7 +151,7 @@ def make_server(
     config.load()
     if config.ssl is not None:
         service.access.watch_certificate(config.ssl)
-    return uvicorn.Server(config), service
+    return DrainingServer(config, service), service
 
 
 def connection_class(service: Service) -> type[connection.Connection]:

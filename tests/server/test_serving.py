@@ -83,8 +83,9 @@ def test_sigterm_lets_the_open_landing_finish(tmp_path: Path) -> None:
         process.send_signal(signal.SIGTERM)
         notice, before, _ = client.until(Notice)
         assert notice.kind == "draining"
-        with pytest.raises(ConnectionRefusedError):
-            PlainClient(f"{url}/scenes/pit")
+        with PlainClient(f"{url}/scenes/pit") as late:
+            error, code = late.refused()
+        assert (error.code, code) == ("draining", 4503)
         client.send(Credit(bytes=1 << 30))
         ready, frames, _ = client.until(Ready)
         assert ready.delivered == 36

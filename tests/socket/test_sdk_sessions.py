@@ -361,7 +361,8 @@ def test_a_first_connection_waits_for_a_service_that_is_replaced(tmp_path: Path)
             await asyncio.to_thread(eventually, lambda: first.service.draining)
             late = terraport.connect(url)
             connecting = asyncio.create_task(late.__aenter__())
-            await asyncio.sleep(0.2)
+            refused = first.service.metrics.refused.labels("draining")
+            await asyncio.to_thread(eventually, lambda: refused._value.get() >= 1)
             assert not connecting.done()
             assert not landing.is_ready
         await stopping
