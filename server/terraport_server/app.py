@@ -94,5 +94,5 @@ def create_app(settings: Settings, limits: Limits = DEFAULT_LIMITS) -> FastAPI:
             expose_headers=["Content-Range", "ETag"],
         )
     app.add_middleware(AppGuard, service=service)
-    app.include_router(viewer_routes)
+    app.router.routes.extend(viewer_routes)
     return app
