@@ -62,9 +62,12 @@ def is_shortage(error: BaseException) -> bool:
 
 
 def most_packs() -> int | None:
-    """Return how many packs may be open: half of the descriptors; None = unlimited."""
+    """Return how many packs may be open; None = unlimited.
+
+    Half of the descriptors: two each, since the map of a pack that was streamed has its own.
+    """
     most = _most_descriptors()
-    return None if most is None else most // 2
+    return None if most is None else most // 4
 
 
 def _most_descriptors() -> int | None:

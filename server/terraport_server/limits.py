@@ -27,7 +27,7 @@ class Limits:
     """Time in which a closing client may read what is left."""
     max_pending_actions: int = 64
     """Messages waiting for one client; above it the service stops reading from that client."""
-    notsent_lowat_bytes: int = 128 << 10
+    notsent_lowat_bytes: int = 256 << 10
     """TCP_NOTSENT_LOWAT: unsent bytes in the kernel, which no newer landing can replace."""
 
     pick_timeout_s: float = 2.0

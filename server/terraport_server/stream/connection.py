@@ -11,6 +11,7 @@ and control frames per second, pongs that wait, and the time that closing may ta
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import socket
 from collections.abc import Callable
@@ -61,7 +62,6 @@ _MAX_LATE_BYTES: Final = 1 << 20
 """Bytes read after our close frame while waiting for the client's."""
 
 _TCP_NOTSENT_LOWAT: Final = getattr(socket, "TCP_NOTSENT_LOWAT", 25)
-_TCP_CONGESTION: Final = getattr(socket, "TCP_CONGESTION", 13)
 
 _LOGGER: Final = logging.getLogger("terraport.server")
 _QUIET: Final = logging.getLogger("terraport.websocket")
@@ -73,8 +73,6 @@ class Connection(asyncio.Protocol):
     """One WebSocket connection; the parameters are those that uvicorn passes."""
 
     notsent_lowat_bytes = 0
-    send_buffer_bytes = 0
-    congestion_control: str | None = None
     max_frames_per_s = 1200.0
     close_timeout_s = 5.0
 
@@ -127,17 +125,9 @@ class Connection(asyncio.Protocol):
         raw = transport.get_extra_info("socket")
         if raw is None or raw.family not in {socket.AF_INET, socket.AF_INET6}:
             return
-        name = (self.congestion_control or "").encode("ascii")
-        for level, option, value in (
-            (socket.IPPROTO_TCP, _TCP_NOTSENT_LOWAT, self.notsent_lowat_bytes),
-            (socket.SOL_SOCKET, socket.SO_SNDBUF, self.send_buffer_bytes),
-            (socket.IPPROTO_TCP, _TCP_CONGESTION, name),
-        ):
-            if value:
-                try:
-                    raw.setsockopt(level, option, value)
-                except OSError:
-                    continue  # not on this system
+        if self.notsent_lowat_bytes:
+            with contextlib.suppress(OSError):  # not on this system
+                raw.setsockopt(socket.IPPROTO_TCP, _TCP_NOTSENT_LOWAT, self.notsent_lowat_bytes)
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's
         """Tell the application, and let go of everything."""
@@ -456,8 +446,6 @@ class Connection(asyncio.Protocol):
 def connection_class(
     *,
     notsent_lowat_bytes: int,
-    send_buffer_bytes: int = 0,
-    congestion_control: str | None = None,
     max_messages_per_s: float = 60.0,
     close_timeout_s: float = 5.0,
 ) -> type[Connection]:
@@ -468,10 +456,6 @@ def connection_class(
     notsent_lowat_bytes
         TCP_NOTSENT_LOWAT: unsent bytes in the kernel, which no newer landing can replace; 0 = the
         system's.
-    send_buffer_bytes
-        SO_SNDBUF; 0 = the system's.
-    congestion_control
-        TCP_CONGESTION; None = the system's.
     max_messages_per_s
         Bounds fragments and control frames, too.
     close_timeout_s
@@ -479,8 +463,6 @@ def connection_class(
     """
     attributes = {
         "notsent_lowat_bytes": notsent_lowat_bytes,
-        "send_buffer_bytes": send_buffer_bytes,
-        "congestion_control": congestion_control,
         "max_frames_per_s": FRAMES_PER_MESSAGE * max_messages_per_s,
         "close_timeout_s": close_timeout_s,
     }
