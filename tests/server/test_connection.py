@@ -168,8 +168,8 @@ class TakesSoMuch:
     def get_extra_info(self, name: str) -> Any:
         return self if name == "socket" else None
 
-    def set_write_buffer_limits(self, high: int) -> None:
-        assert high == 0
+    def set_write_buffer_limits(self, high: int, low: int) -> None:
+        assert (high, low) == (0, 0)
 
     def writev(self, _descriptor: int, buffers: Sequence[bytes | memoryview]) -> int:
         data = b"".join(buffers)
