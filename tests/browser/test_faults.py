@@ -167,7 +167,7 @@ def test_a_scene_is_taken_away_and_published_anew(
 ) -> None:
     own = tmp_path / "scenes"
     shutil.copytree(scenes / SMALL, own / "pit")
-    with Service(own, scene_poll_s=0.2) as service:
+    with Service(own) as service:
         page, watch = open_page()
         watch.allow(f"{LOST}|status of 404|WebSocket")
         viewer = DrivenViewer(page, service.url, "pit")
