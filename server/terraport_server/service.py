@@ -1,4 +1,4 @@
-"""Everything one server process shares between its clients."""
+"""State of a server process that its clients share."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from terraport_wire import Hit
 __all__ = ["METRIC_PAGES_PER_S", "Service", "server_name"]
 
 METRIC_PAGES_PER_S: Final = 10.0
-"""Averaged over 10 s: a page that is no older than that is given out beyond it."""
+"""Maximum pages of /metrics made per second, averaged over 10 s; above it the last one is sent."""
 
 
 def server_name() -> str:
-    """Name and version of the service."""
+    """Return name and version of the service."""
     try:
         return f"terraport {version('terraport')}"
     except PackageNotFoundError:  # a checkout on PYTHONPATH
@@ -46,19 +46,19 @@ def server_name() -> str:
 
 
 class Service:
-    """Scenes, access, metrics and live clients of one process. Lives on one event loop.
+    """Scenes, access, metrics and sessions of one process, on one event loop.
 
     Parameters
     ----------
     settings
-        Checked; see :meth:`Settings.check`.
+        Settings that passed :meth:`Settings.check`.
     limits
         The fixed limits.
 
     Raises
     ------
     SettingsError
-        When tokens cannot be read.
+        If tokens cannot be read.
     """
 
     def __init__(self, settings: Settings, limits: Limits = DEFAULT_LIMITS) -> None:
@@ -78,14 +78,14 @@ class Service:
         self.tiles = TilesetCache()
         self.strokes = StrokeCache()
         self.painters = RatesByName(limits.max_strokes_per_s)
-        # Bounds of every session, taken from the settings once.
+        # Limits of every session.
         self.session_limits = limits.of_session(settings, server_name())
         self.sender_limits = SenderLimits(
             max_message_bytes=limits.session.max_message_bytes,
             max_pending_actions=limits.max_pending_actions,
             close_timeout_s=limits.close_timeout_s,
         )
-        # What sessions share: groups, the page, queues of plans, picks and payload.
+        # Shared by sessions: groups, and the queues of plans, picks and payload.
         routing = settings.groups_served
         self.groups = None if routing == "none" else GroupHub(limits.groups, routing)
         if self.groups is not None:
@@ -97,9 +97,9 @@ class Service:
         self._cache = MeshCache(limits.pick_cache_bytes)
         self._picks = PickQueue[Hit | None](limits.pick_threads)
         self.once = OncePerMinute()
-        # Where the service is in its life, and who is served.
+        # State of the service and its sessions.
         self.ready = False
-        """Whether the scenes were looked at and clients may come."""
+        """Whether the scenes were read and clients are accepted."""
         self.draining = False
         self._metric_pages = RateLimit(METRIC_PAGES_PER_S, now_s=time.monotonic())
         self._metric_page = b""
@@ -108,26 +108,23 @@ class Service:
         self._tasks: list[asyncio.Task[None]] = []
 
     def render_metrics(self) -> bytes:
-        """Return the page of /metrics: of all processes of this service.
-
-        Beyond `METRIC_PAGES_PER_S` it is the last one.
-        """
+        """Return the page of /metrics for all processes; see `METRIC_PAGES_PER_S`."""
         if self._metric_pages.take(time.monotonic()) or not self._metric_page:
             self._metric_page = self.metrics.render()
         return self._metric_page
 
     @property
     def session_count(self) -> int:
-        """Sessions open now."""
+        """Number of open sessions."""
         return len(self.session_counts)
 
     async def start(self) -> None:
-        """Open the scenes and begin to watch them."""
+        """Open the scenes and start to watch them."""
         try:
             await self.registry.refresh()
-        except OriginError as error:  # it may come back; until then /readyz says that there is none
-            what = "none is served until the storage answers; it is asked again and again"
-            log("scenes not listed", level=logging.ERROR, reason=str(error), so=what)
+        except OriginError as error:  # retried; until then /readyz reports that there is no scene
+            what = "no scene is served until the storage answers; it is retried"
+            log("scenes not listed", level=logging.ERROR, reason=str(error), effect=what)
         is_folder = self.settings.scenes_url is None
         poll_s = self.limits.scene_poll_s if is_folder else self.limits.object_poll_s
         self._tasks = [
@@ -138,7 +135,7 @@ class Service:
         self.ready = True
 
     def begin_drain(self) -> None:
-        """Take no new sessions; open landings finish within drain_timeout_s, then sessions end."""
+        """Refuse new sessions; open landings finish within drain_timeout_s, then sessions end."""
         if self.draining:
             return
         self.draining = True
@@ -154,7 +151,7 @@ class Service:
             sender.wake()
 
     async def stop(self) -> None:
-        """End what :meth:`start` began and close the scenes."""
+        """Stop all tasks and close the scenes."""
         self.ready = False
         if self.groups is not None:
             self.groups.stop()
@@ -162,35 +159,35 @@ class Service:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
         self.strokes.stop()
-        # Threads read from the scenes: they end first, each within its own time bound.
+        # Pick threads read from the scenes, so they end first, within the time limit of a pick.
         await asyncio.to_thread(self._picks.shutdown, wait=True)
         self.registry.close()
 
     def note_refusal(self, reason: str, text: str, client_ip: str) -> None:
-        """Count what was not let in; log the first of its kind per client and minute."""
+        """Count a refused client; log the first refusal per client, reason and minute."""
         self.metrics.refused.labels(reason).inc()
         if self.once.first((client_ip, reason), time.monotonic()):
             log("refused", level=logging.WARNING, code=reason, reason=text, client=client_ip)
 
     def add(self, sender: Sender, served: ServedScene) -> None:
-        """Take a client in: it holds its scene, and hears of news."""
+        """Register a session; its scene stays open, and it receives notices."""
         served.hold()
         self._senders[sender] = served
 
     def remove(self, sender: Sender) -> None:
-        """Forget a client and release its scene."""
+        """Remove a session and release its scene."""
         served = self._senders.pop(sender)
         served.release()
 
     async def run_pick(self, served: ServedScene, action: RunPick, client: str) -> Hit | None:
-        """Answer a pick in a thread, when it is its client's turn and within its time bound.
+        """Run a pick in a thread, when the fair queue allows, within the time limit.
 
-        Cancelling it leaves the thread to end by itself; the scene is held until then.
+        When cancelled, the thread continues to its end; the scene stays open until then.
 
         Raises
         ------
         PickTimeoutError
-            When it took too long.
+            If it takes too long.
         """
         settings, limits = self.settings, self.limits
         due_s = time.monotonic() + limits.pick_timeout_s

@@ -1,4 +1,4 @@
-"""The WebSocket endpoint: who may come in, and on what terms."""
+"""WebSocket endpoint: checks a handshake, then runs a session."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ __all__ = ["stream"]
 
 @dataclass(frozen=True, slots=True)
 class _Refusal:
-    """A client that is not let in: what it is told, and what is counted."""
+    """Refusal of a client: its error, and the label of its metric."""
 
     code: ErrorCode
     text: str
     reason: str
-    """For the metric; see docs/topics/metrics.md."""
+    """Label of the metric ``refused``; see docs/topics/metrics.md."""
 
 
 async def stream(websocket: WebSocket, scene_id: str, service: Service) -> None:
@@ -77,18 +77,18 @@ async def stream(websocket: WebSocket, scene_id: str, service: Service) -> None:
         await websocket.close(int(CloseCode.VERSION), f"offered: {SUBPROTOCOL}")
         return
     with contextlib.suppress(WebSocketDisconnect):
-        came = _let_in(websocket, scene_id, offered, service)
-        if not isinstance(came, _Refusal) and (came is not None or service.gate.is_open):
-            # Said at once to whom it may be said; who has a token to show counts once it is seen.
+        outcome = _authorise(websocket, scene_id, offered, service)
+        if not isinstance(outcome, _Refusal) and (outcome is not None or service.gate.is_open):
+            # Clients that authenticate by hello are counted then.
             full = service.session_counts.refusal(client_key(client_ip))
             if full is not None:
-                came = _Refusal(ErrorCode.TOO_MANY, full[1], full[0])
-        if not isinstance(came, _Refusal):
-            await _serve(websocket, scene_id, came, client_ip, service)
+                outcome = _Refusal(ErrorCode.TOO_MANY, full[1], full[0])
+        if not isinstance(outcome, _Refusal):
+            await _serve(websocket, scene_id, outcome, client_ip, service)
             return
-        service.metrics.refused.labels(came.reason).inc()
-        note_error(service.metrics, service.once, came.code, came.text, client_ip=client_ip)
-        await _refuse(websocket, came.code, came.text)
+        service.metrics.refused.labels(outcome.reason).inc()
+        note_error(service.metrics, service.once, outcome.code, outcome.text, client_ip=client_ip)
+        await _refuse(websocket, outcome.code, outcome.text)
 
 
 async def _serve(
@@ -98,21 +98,20 @@ async def _serve(
     client_ip: str,
     service: Service,
 ) -> None:
-    """Run the session of a client that was let in, from its first message to its last.
+    """Run the session of a client from its first message to its last.
 
-    Invariant: what is entered (scene held, session watched, seat taken) is left again in the
-    ``finally``, however the session ends; nothing between entering and ``try`` awaits.
+    Invariant: everything registered before ``try`` is released in ``finally``, however the session
+    ends; nothing in between awaits.
     """
-    # The scene.
     try:
         served = service.registry.get(scene_id)
-    except UnknownSceneError:  # hello's token decides who is told so
-        code, text = await _judge_hello(websocket, scene_id, service)
+    except UnknownSceneError:  # reported only to clients whose hello has a valid token
+        code, text = await _refusal_of_unknown_scene(websocket, scene_id, service)
         service.metrics.refused.labels(str(code)).inc()
         note_error(service.metrics, service.once, code, text, client_ip=client_ip)
         await _refuse(websocket, code, text)
         return
-    # Access: by the handshake's token, or by that of hello, which the session asks about.
+    # Authorised by the token of the handshake, or by that of hello.
     session_id = secrets.token_hex(6)
     connection = connection_of(websocket.scope)
     client = client_key(client_ip)
@@ -126,7 +125,7 @@ async def _serve(
                 service.metrics.refused.labels(str(admission)).inc()
                 return admission, UNAUTHORISED_TEXT
             watched.token_pass = admission
-        # Only now does it count: whoever says no hello would else keep others out.
+        # Counted only now: connections without a hello must not use up sessions.
         full = service.session_counts.add(client)
         if full is not None:
             service.metrics.refused.labels(full[0]).inc()
@@ -141,7 +140,7 @@ async def _serve(
     session_log = SessionLog(
         service.metrics, service.once, session_id=session_id, served=served, client_ip=client_ip
     )
-    # The session's surroundings: who hears of it, its way to the groups.
+    # Observer and groups of the session.
     member: GroupMember | None = None
     if service.groups is not None:
 
@@ -161,7 +160,7 @@ async def _serve(
         member = service.groups.member(
             scene_id, named_by_url, may_guide=may_guide, deliver=deliver, owner=owner
         )
-    # The session itself is pure; the sender carries out what it decides.
+    # The session is pure; the sender carries out its actions.
     session = Session(
         served.view,
         service.session_limits,
@@ -186,7 +185,7 @@ async def _serve(
         session.withdraw(text)
         sender.wake()
 
-    # Enter, serve, leave.
+    # Register, serve, release.
     watched = WatchedSession(scene_id, withdraw, session_id, token_pass)
     service.add(sender, served)
     connection.on_shutdown = service.begin_drain
@@ -208,16 +207,16 @@ async def _serve(
         if is_counted:
             service.session_counts.remove(client)
         session_log.closed()
-        # Both refer to callbacks that refer to them: without a cycle no garbage search is needed.
+        # Break the reference cycles with their callbacks, so that no garbage collection is needed.
         session = sender = None  # type: ignore[assignment]
 
 
-def _let_in(
+def _authorise(
     websocket: WebSocket, scene_id: str, offered: list[str], service: Service
 ) -> TokenPass | _Refusal | None:
-    """Judge a handshake: the pass of its token, why not, or ``None`` where ``hello`` decides."""
+    """Check a handshake: the rights of its token, a refusal, or ``None`` if ``hello`` decides."""
     if service.draining or not service.ready:
-        text = "got a new session while the server goes away, expected none"
+        text = "got a new session while the server shuts down, expected a retry later"
         return _Refusal(ErrorCode.DRAINING, text, "draining")
     headers, settings = websocket.headers, service.settings
     if settings.checks_host and not host_is_ours(headers.get("host"), settings.allowed_hosts):
@@ -234,7 +233,7 @@ def _let_in(
             return _Refusal(admitted, str(AccessError(admitted)), str(admitted))
         token_pass = admitted
     elif not service.gate.is_open:
-        # Whether there is such a scene is told to nobody before the token: hello is waited for.
+        # Without a token a client cannot find out whether a scene exists: wait for hello.
         return None
     try:
         service.registry.get(scene_id)
@@ -243,10 +242,10 @@ def _let_in(
     return token_pass
 
 
-async def _judge_hello(
+async def _refusal_of_unknown_scene(
     websocket: WebSocket, scene_id: str, service: Service
 ) -> tuple[ErrorCode, str]:
-    """Refuse a client that wants an unknown scene exactly as it would be at a known one."""
+    """Return the error of an unknown scene, without a valid token the same as of a known one."""
     try:
         async with asyncio.timeout(service.session_limits.handshake_timeout_s):
             event = await websocket.receive()
@@ -269,7 +268,7 @@ async def _judge_hello(
 
 
 def _given_token(websocket: WebSocket, offered: list[str]) -> str | None:
-    """Return the handshake's token; ``""`` where there is one that cannot be read."""
+    """Return the token of the handshake; ``""`` if it cannot be decoded, ``None`` without one."""
     token = bearer_token(websocket.headers.get("authorization"))
     if token is not None:
         return token
@@ -281,6 +280,6 @@ def _given_token(websocket: WebSocket, offered: list[str]) -> str | None:
 async def _refuse(websocket: WebSocket, code: ErrorCode, text: str) -> None:
     error = encode(Error(code=code, message=text[:1024], fatal=True))
     connection_of(websocket.scope).close_within(REFUSED_CLOSE_S)
-    with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # gone, or closed already
+    with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # already closed
         await websocket.send_bytes(error)
         await websocket.close(int(CLOSE_CODES[code]), code)

@@ -1,6 +1,6 @@
-"""What happens to one session, written into metrics and log, each landing under its id."""
+"""Metrics and log lines of one session."""
 
-# ruff: noqa: D102 - most methods are the observer's, which says what they hear
+# ruff: noqa: D102 - most methods are documented in Observer
 from __future__ import annotations
 
 import asyncio
@@ -18,20 +18,20 @@ __all__ = ["SessionLog", "note_error"]
 
 
 class SessionLog(Observer):
-    """Hears of one session from :meth:`opened` to :meth:`closed`.
+    """Observer of one session that writes metrics and log lines.
 
     Parameters
     ----------
     metrics
         Counters of the service.
     once
-        Bounds what a flood of refusals writes.
+        Limits the log lines of refusals.
     session_id
-        As in ``welcome``.
+        The id in ``welcome``.
     served
         The scene.
     client_ip
-        For the log.
+        Address for the log.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class SessionLog(Observer):
         self._ended_by: str | None = None
 
     def opened(self) -> None:
-        """Hear that the session begins: its hello was accepted."""
+        """Record that the session is open: its hello was accepted."""
         self._is_open = True
         self._opened_s = monotonic()
         self._metrics.sessions.labels(self._scene_label).inc()
@@ -67,13 +67,13 @@ class SessionLog(Observer):
         )
 
     def ending(self, reason: str) -> None:
-        """Hear why the service closes the session."""
+        """Record why the service closes the session."""
         self._ended_by = reason
 
     def closed(self) -> None:
-        """Hear that it is over, and nothing of it is left.
+        """Record that the session has ended.
 
-        Of a connection that was never let in nothing is said: anybody can open and close one.
+        A connection whose hello was never accepted is not logged, because anybody can open one.
         """
         if not self._is_open:
             return
