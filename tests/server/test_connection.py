@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import os
 import socket
@@ -363,3 +364,50 @@ def test_without_hello_no_session_is_taken(scenes: Path) -> None:
         assert (error.code, closed) == ("too_many", 4429)
         stack.close()
         eventually(lambda: server.service.session_count == 0)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        msgpack.packb({"type": "wave", "later": [None] * 200}),
+        msgpack.packb({"later": [[0] * 16_000] * 30, "type": "wave"}),
+        msgpack.packb({"type": "bye"}),
+        b"",
+    ],
+    ids=["unknown", "large", "known", "empty"],
+)
+def test_anything_but_hello_ends_the_connection(scenes: Path, message: bytes) -> None:
+    with BackgroundServer(scenes, token=TOKEN) as server, raw_connect(server.port) as raw:
+        with contextlib.suppress(OSError):
+            for _ in range(20):
+                raw.sendall(frame(BINARY, message))
+        assert close_code(drained(raw)) == 4400
+
+
+def test_data_after_a_refusal_is_not_read(scenes: Path) -> None:
+    sent, blob = 0, frame(BINARY, bytes(400_000))
+    with (
+        BackgroundServer(scenes, token=TOKEN) as server,
+        raw_connect(server.port) as raw,
+        contextlib.suppress(OSError),
+    ):
+        while sent < 64 * len(blob):
+            raw.sendall(blob)
+            sent += len(blob)
+    assert sent < 64 * len(blob)
+
+
+def test_a_refused_client_writes_one_line_and_need_not_answer_the_close(
+    scenes: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with BackgroundServer(scenes, token=TOKEN) as server, caplog.at_level(logging.INFO):
+        caplog.clear()
+        for _ in range(3):
+            raw_connect(server.port).close()
+            with raw_connect(server.port) as raw:
+                raw.sendall(frame(BINARY, encode(make_hello())))
+                assert close_code(drained(raw)) == 4401
+        with PlainClient(server.scene_url("grid")) as client:
+            client.hello(token=TOKEN)
+        eventually(lambda: "session closed" in caplog.messages)
+        assert caplog.messages == ["refused", "session opened", "session closed"]
