@@ -204,13 +204,6 @@ def test_a_seat_moves_from_a_connection_that_only_looks_alive() -> None:
     assert set(of(hall.hear(), Gathering)) == {"g", "a2"}
 
 
-def test_an_unknown_seat_is_a_new_one() -> None:
-    hall, _ = filled()
-    assert hall.join("a", wants(seat="guessed")) is None
-    joined = of(hall.hear(), Joined)["a"]
-    assert (joined.member, joined.seat) != (1, "guessed")
-
-
 def test_however_often_a_guide_gathers_members_hear_of_it_four_times_a_second() -> None:
     hall, _ = filled("a", "b")
     heard = list[int]()
@@ -252,17 +245,6 @@ def test_a_refused_join_keeps_the_seat_held_before() -> None:
     assert hall.join("a", group="other", role="guide") is not None
     hall.groups.gather("g", gather_request(), hall.now_s)
     assert "a" in of(hall.hear(), Gathering)
-
-
-def test_rosters_are_not_told_faster_than_four_times_a_second() -> None:
-    hall, _ = filled("a")
-    rosters = 0
-    for _ in range(100):
-        hall.join("b")
-        hall.groups.leave("b", hall.now_s)
-        rosters += sum(isinstance(m, Roster) for m in hall.hear().get("a", []))
-        rosters += sum(isinstance(m, Roster) for m in hall.wait(0.01).get("a", []))
-    assert 3 <= rosters <= 5
 
 
 def test_who_comes_and_goes_takes_only_his_own_places() -> None:

@@ -83,19 +83,6 @@ def test_a_hop_exchanges_levels_and_sends_nothing_twice(two: GridScene, served: 
     asyncio.run(asyncio.wait_for(work(), 30))
 
 
-def test_without_a_ring_no_coarser_payload_comes(two: GridScene, served: str) -> None:
-    async def work() -> None:
-        async with terraport.connect(served) as session:
-            ring = await session.land(CENTRE, 6.0, coarse_radius_m=30.0)
-            await ring.ready(10)
-            plain = await session.land(CENTRE, 18.0)
-            await plain.ready(10)
-            assert list(session.visible) == np.flatnonzero(distances(two, CENTRE) <= 18).tolist()
-            assert plain.plan.nearby.tolist() == []
-
-    asyncio.run(asyncio.wait_for(work(), 30))
-
-
 def test_a_budget_cuts_the_ring_first_and_an_aim_fetches_it(two: GridScene, served: str) -> None:
     async def work() -> None:
         near = rows(two, CENTRE, 6.0, 6.0)

@@ -5,18 +5,16 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Coroutine
 from contextlib import AsyncExitStack
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
-from eventually import eventually
 from sdk.proxy import Proxy
 from server.grid_scene import SIDE, TILE_M
 
 import terraport
 from terraport import Group, Session, backoff, sync
-from terraport.errors import GroupError, ServerError, UsageError
+from terraport.errors import GroupError, ServerError
 from terraport_server import BackgroundServer
 
 CENTRE = (SIDE * TILE_M / 2, 1.0, SIDE * TILE_M / 2)
@@ -49,25 +47,6 @@ async def party(
     for group in groups:
         await group.members_present(1 + members, 10)
     return sessions, groups
-
-
-def test_everybody_is_told_where_the_others_stand(server: BackgroundServer) -> None:
-    async def work() -> None:
-        async with AsyncExitStack() as stack:
-            sessions, groups = await party(stack, server.url, "where", 1)
-            assert [member.position for member in groups[0].members] == [None, None]
-            for place in (CENTRE, CORNER):
-                await (await sessions[1].land(place, 15.0)).ready(10)
-                told = partial(lambda at: groups[0].members[1].position == at, place)
-                await asyncio.to_thread(eventually, told)
-            assert groups[0].members[0].position is None
-            # Who comes now is told at once.
-            late = await opened(stack, server.url)
-            group = await late.join_group("where")
-            await group.members_present(3, 10)
-            assert [member.position for member in group.members] == [None, CORNER, None]
-
-    run(work())
 
 
 def test_the_guide_lands_everybody(server: BackgroundServer) -> None:
@@ -193,33 +172,6 @@ def test_a_guide_that_is_cut_stays_the_guide_and_one_that_leaves_frees_the_seat(
             with pytest.raises(GroupError):
                 await guide.land_group(CENTRE, 15.0)
             assert (await third.join_group("lead", role="guide")).role == "guide"
-
-    run(work())
-
-
-def test_a_newer_group_landing_overtakes_and_a_member_may_decline(server: BackgroundServer) -> None:
-    async def work() -> None:
-        async with AsyncExitStack() as stack:
-            sessions, groups = await party(stack, server.url, "newer", 1)
-            first = await groups[0].land_group(CENTRE, 15.0)
-            await first.land()
-            second = await groups[0].land_group(CORNER, 15.0)
-            with pytest.raises(GroupError, match="overtaken"):
-                await first.all_there(10)
-            await second.land()
-            call = groups[1].newest
-            while call is None or call.number < second.number:
-                call = await groups[1].next_landing(10)
-            call.decline()
-            arrivals = await second.all_there(10)
-            assert (arrivals.ready, arrivals.missing) == ((1,), (2,))
-            assert sessions[1].visible == ()
-            with pytest.raises(ServerError, match="from a member"):
-                await groups[1].land_group(CENTRE, 15.0)
-            with pytest.raises(ServerError, match="at most 500"):
-                await groups[0].land_group(CENTRE, 5000.0)
-            with pytest.raises(UsageError):
-                await sessions[1].join_group("a name with spaces")
 
     run(work())
 

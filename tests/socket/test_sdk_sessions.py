@@ -151,22 +151,6 @@ def test_a_newer_landing_supersedes_the_older(server: BackgroundServer, big: Gri
     run(work())
 
 
-def test_picks_find_the_ground_whether_loaded_or_not(server: BackgroundServer) -> None:
-    async def work() -> None:
-        async with terraport.connect(server.scene_url("grid")) as session:
-            hits = await asyncio.gather(
-                *(session.pick((x, 50.0, 5.0), (0, -1, 0)) for x in (5.0, 15.0, 25.0))
-            )
-            assert [hit.segment for hit in hits] == [0, 1, 2]
-            assert hits[0].height_m == pytest.approx(100.0 + hits[0].position[1], abs=1e-6)
-            assert hits[0].attributes["grade"] == pytest.approx(0.55, abs=0.01)
-            assert await session.pick((-500.0, 0.0, 0.0)) is None
-            with pytest.raises(UsageError, match="direction"):
-                await session.pick(CENTRE, (0, 0, 0))
-
-    run(work())
-
-
 def test_base_and_hidden_faces(server: BackgroundServer) -> None:
     """Two base faces lie under each segment; hidden are those of the visible segments."""
 
@@ -223,28 +207,6 @@ def test_refusals_have_their_own_errors(server: BackgroundServer) -> None:
         with pytest.raises(HttpError, match="did not answer"):
             async with terraport.connect("http://127.0.0.1:9"):
                 pass
-
-    run(work())
-
-
-def test_tokens(scenes_dir: Path, token: str) -> None:
-    """The right one opens stream and files; a wrong one is refused, and appears in no error."""
-
-    async def work() -> None:
-        with BackgroundServer(scenes_dir, token=token) as closed:
-            url = closed.scene_url("grid")
-            async with terraport.connect(url, token) as session:
-                await (await session.land(CENTRE, radius_m=5.0)).ready(10)
-                await session.base()
-            for wrong in (None, "wrong-token-0123456789"):
-                with pytest.raises(ServerError) as caught:
-                    async with terraport.connect(url, wrong):
-                        pass
-                assert caught.value.code == "unauthorised"
-                assert "wrong-token" not in str(caught.value)
-            with pytest.raises(HttpError, match="answered 401"):
-                async with terraport.connect(closed.url, "wrong-token-0123456789"):
-                    pass
 
     run(work())
 
