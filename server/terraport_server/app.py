@@ -1,4 +1,4 @@
-"""The ASGI application: FastAPI with the stream, the HTTP endpoints, and a service behind them."""
+"""ASGI application: FastAPI with the WebSocket and HTTP endpoints of a service."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _BEHIND_ID: Final = "/stream"
 
 
 class _Application(FastAPI):
-    """FastAPI, past which streams go: eleven calls deep, its stack took 12 KB of each session."""
+    """FastAPI that dispatches streams itself: its middleware stack takes 12 KB per session."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         path = scope.get("path", "")
@@ -40,7 +40,7 @@ class _Application(FastAPI):
 
 
 def create_app(settings: Settings, limits: Limits = DEFAULT_LIMITS) -> FastAPI:
-    """Make the application of one server process.
+    """Create the application of a server process.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def create_app(settings: Settings, limits: Limits = DEFAULT_LIMITS) -> FastAPI:
     Raises
     ------
     SettingsError
-        When the settings cannot be served with, or not safely.
+        If the settings are not valid or not safe.
     """
     settings.check()
     service = Service(settings, limits)
@@ -73,13 +73,13 @@ def create_app(settings: Settings, limits: Limits = DEFAULT_LIMITS) -> FastAPI:
     app = _Application(
         title="terraport",
         summary="Scenes for landings: base mesh, segments, and a stream",
-        # Of the protocol: a stranger need not know which of its bugs this service has.
+        # The protocol's version; that of the software would help attackers.
         version=f"{PROTOCOL[0]}.{PROTOCOL[1]}",
         lifespan=lifespan,
         docs_url="/docs" if settings.serves_docs else None,
         openapi_url="/openapi.json" if settings.serves_docs else None,
         redoc_url=None,
-        # Otherwise /scenes/ answers with an absolute address made of the Host header.
+        # A redirect of /scenes/ would contain the Host header.
         redirect_slashes=False,
     )
     app.state.service = service

@@ -1,4 +1,4 @@
-"""The service in a thread, beside other work of the same process."""
+"""The service in a thread of another program."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ class BackgroundServer:
     Raises
     ------
     SettingsError
-        When the settings cannot be served with.
+        If the settings are not valid.
     ServerError
-        When the address cannot be had.
+        If the address cannot be bound.
     """
 
     def __init__(
@@ -67,13 +67,13 @@ class BackgroundServer:
         self._server, self._service = make_server(settings, DEFAULT_LIMITS.with_changes(**limits))
         self._sockets = sockets or listen(settings.host, settings.port)
         self.port: int = self._sockets[0].getsockname()[1]
-        """The port that it listens on."""
+        """Listening port."""
         self._thread = threading.Thread(target=self._run, name="terraport-server", daemon=True)
         self._failure: BaseException | None = None
 
     @property
     def service(self) -> Service:
-        """The running service. It lives on its own thread's event loop: look, do not call."""
+        """The running service, read-only: it belongs to the event loop of another thread."""
         return self._service
 
     @property
@@ -97,7 +97,7 @@ class BackgroundServer:
         Raises
         ------
         ServerError
-            When it does not come up.
+            If it does not start.
         """
         self._thread.start()
         waited = threading.Event()
@@ -111,7 +111,7 @@ class BackgroundServer:
         raise ServerError(f"the service did not start: {self._failure!r}")
 
     def stop(self) -> None:
-        """Drain, stop and wait; may be called again."""
+        """Drain, stop and wait; can be called repeatedly."""
         self._server.should_exit = True
         if self._thread.is_alive():
             self._thread.join()

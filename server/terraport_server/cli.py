@@ -137,7 +137,7 @@ def serve(
     options = {name: value for name, value in given.items() if value is not None}
     if "scenes_dir" in options:
         options["scenes_url"] = None  # which would win, from the environment, over what is given
-    # Serve; what the operator can mend is one line, not a trace.
+    # Serve; errors that the operator can fix are one line without a trace.
     try:
         settings = read_settings(options)
 
@@ -160,7 +160,7 @@ def register(app: typer.Typer) -> None:
 
 
 def _announce(settings: Settings) -> None:
-    """Print where, what and for whom: the port is had, and the log has not begun."""
+    """Print address, scenes and access, after the port is bound and before the log starts."""
     from terraport_server.settings import is_loopback
     from terraport_store import StoreError, list_scenes, read_manifest
 

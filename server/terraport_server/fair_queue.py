@@ -130,8 +130,8 @@ class PlanQueue:
     """Runs short jobs on the event loop, one per loop iteration where several clients wait.
 
     After a job of a client that has used more than is free, such clients wait for `GAP` times as
-    long as it took: a landing is several iterations, and each would otherwise be as long as the
-    widest plan of somebody else.
+    long as it took: a landing takes several iterations, each of which would otherwise be as long
+    as the widest plan of another client.
     """
 
     def __init__(self) -> None:

@@ -68,9 +68,9 @@ class Metrics:
             ["reason"],
         )
         self.refused = self._counter(
-            "refused", "Connections and requests that were not let in, by reason", ["reason"]
+            "refused", "Refused connections and requests, by reason", ["reason"]
         )
-        self.errors = self._counter("errors", "Errors told to clients", ["code"])
+        self.errors = self._counter("errors", "Errors sent to clients", ["code"])
 
         # Landings
         self.landings = self._counter("landings", "Landings planned", ["scene"])

@@ -48,7 +48,7 @@ _DRAIN_POLL_S: Final = 0.02
 
 _SWITCH_S: Final = 0.0005
 """Interval after which a thread (picks) hands the interpreter to the event loop. Python's default
-of 5 ms made a landing beside a pick take hundreds of milliseconds."""
+of 5 ms made a landing during a pick take hundreds of milliseconds."""
 
 
 def listen(host: str, port: int) -> list[socket.socket]:
@@ -106,8 +106,8 @@ def host_in_url(host: str) -> str:
 class DrainingServer(uvicorn.Server):
     """uvicorn's server that accepts connections until the open landings are over.
 
-    A client that connects meanwhile is told ``draining`` and when to return; with a closed socket
-    it would take the address for a wrong one.
+    A client that connects meanwhile receives ``draining`` and when to reconnect; a closed socket
+    would look like a wrong address.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def _options(settings: Settings, limits: Limits) -> dict[str, Any]:
         # Open landings finish, then clients read what is left.
         "timeout_graceful_shutdown": round(settings.drain_timeout_s + limits.close_timeout_s) + 1,
         "forwarded_allow_ips": settings.forwarded_allow_ips,
-        # Between max_message_bytes and this a client is told too_large; beyond it is closed (1009).
+        # Between max_message_bytes and this a client receives too_large; beyond it is closed (1009).
         "ws_max_size": 4 * limits.session.max_message_bytes,
         # Payloads are compressed offline; deflate would cost 100 times the time.
         "ws_per_message_deflate": False,

@@ -132,7 +132,7 @@ class Settings(BaseSettings):
     """Where groups can be joined: anywhere on this process; only by URLs that name the group
     (?group=NAME, by which a proxy picks the replica); or not at all."""
     group_guides: Literal["first", "token"] = "first"
-    """Who may guide a group: whoever asks first, or only tokens that say so."""
+    """Who may guide a group: the first client that asks, or only tokens with the scope."""
 
     # Log
     log_level: Literal["debug", "info", "warning", "error"] = "info"
@@ -152,7 +152,7 @@ class Settings(BaseSettings):
         ------
         SettingsError
             When a directory is missing, when TLS is half configured, or when anyone on the
-            network could read the scenes and nobody said so.
+            network could read the scenes without ``allow_open``.
         """
         if self.scenes_url is not None:
             if not is_url(self.scenes_url):

@@ -7,11 +7,11 @@ last token has expired. A line ``revoke TOKEN_ID`` revokes one token.
 =================== ================================================ ==========================
 algorithm           key                                              holder
 =================== ================================================ ==========================
-``HS256``           secret of 32 bytes or more                       whoever makes tokens, and
+``HS256``           secret of 32 bytes or more                       the issuer of tokens, and
                                                                      the service
 ``EdDSA``           public Ed25519 key, 32 bytes                     the service: it can check
                                                                      tokens, not make any
-``EdDSA-private``   private Ed25519 key, 32 bytes                    whoever makes tokens
+``EdDSA-private``   private Ed25519 key, 32 bytes                    the issuer of tokens
 =================== ================================================ ==========================
 """
 
@@ -194,17 +194,17 @@ def write_keys(path: Path, lines: list[str]) -> None:
     OSError
         When it cannot be written; the old file is unchanged.
     """
-    beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     # Created with its final mode: there is no moment in which others can open it.
-    descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     try:
         with os.fdopen(descriptor, "w", encoding="utf-8") as file:
             file.write("".join(f"{line}\n" for line in lines))
             file.flush()
             os.fsync(file.fileno())
-        beside.replace(path)
+        temporary.replace(path)
     except BaseException:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
 
 

@@ -249,7 +249,7 @@ def decode_unverified(token: str) -> tuple[dict[str, Any], dict[str, Any]] | Non
 
 
 def _claims(claims: dict[str, Any], key: TokenKey) -> SignedClaims | None:
-    """Check the claims' types; whoever holds a key can still make a mistake."""
+    """Check the types of the claims; None if one is wrong."""
     name, token_id, scope = claims["sub"], claims.get("jti"), claims.get("scope")
     expires_s, begins_s = _seconds(claims["exp"]), _seconds(claims.get("nbf", 0))
     scenes = claims["scenes"]

@@ -73,7 +73,7 @@ class PageFile:
 
     @property
     def is_fixed(self) -> bool:
-        """Whether its name contains its hash, so that caches can keep it for ever."""
+        """Whether its name contains its hash, so that caches need not revalidate it."""
         return self.name.startswith(ASSETS)
 
     def etag(self, coding: str) -> str:
@@ -149,7 +149,7 @@ _NO_VIEWER: Final = (
 
 
 async def get_file(request: Request) -> Response:
-    """Return the viewer's page, or another file beside it: its icon, licences."""
+    """Return the viewer's page, or a file next to it: icon, licences."""
     return _answer(request, request.path_params.get("name", INDEX))
 
 

@@ -61,7 +61,7 @@ class CachedStrokes:
 
 
 class StrokeCache:
-    """Reads, changes and caches strokes; lives on one event loop."""
+    """Reader, writer and cache of strokes, on one event loop."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[Path, CachedStrokes] = OrderedDict()

@@ -47,7 +47,7 @@ class ServedTiles:
 
 
 class TilesetCache:
-    """Makes and caches tiles; lives on one event loop."""
+    """Builder and cache of tilesets, on one event loop."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[tuple[str, str], ServedTiles] = OrderedDict()

@@ -25,8 +25,7 @@ _LEAST_TURN_BYTES: Final = 16 << 10
 """Bytes that any turn counts as: its cost hardly depends on what it carries."""
 
 _NEW_LANDINGS_IN_A_ROW: Final = 8
-"""Turns of new landings before another landing gets one, so that repeated landing starves nobody.
-"""
+"""Maximum consecutive turns of new landings, so that repeated landing starves no other client."""
 
 _NEW_LANDING_BYTES: Final = 1 << 20
 """Bytes of a landing that go before the rest of other landings."""
@@ -86,7 +85,7 @@ class SendScheduler:
         self._new_in_a_row = 0
 
     def ask(self, rank: Rank, burst: Burst) -> None:
-        """Run a burst, at once where nobody waits, and again as long as something is left."""
+        """Run a burst, at once if no other waits, and again while payload is left."""
         if self._is_scheduled or self._left_bytes <= 0:
             self._waiting[rank].append(burst)
         else:

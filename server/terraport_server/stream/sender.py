@@ -312,7 +312,7 @@ class Sender:
     async def _pick(self, action: RunPick) -> None:
         try:
             hit = await self._run_pick(self._served, action, self.client)
-        except Exception as error:  # noqa: BLE001 - logged; the session goes on
+        except Exception as error:  # noqa: BLE001 - logged; the session continues
             self._metrics.picks.labels("failed").inc()
             self._served.tell_failure("pick failed", None, error, level=logging.WARNING)
             self.session.pick_failed(action.request)
@@ -418,7 +418,7 @@ class Sender:
         return compared
 
     def _note_sent(self, chunks: list[SendChunk], sent_bytes: int) -> None:
-        """Report the first so many bytes of chunks as sent."""
+        """Report the first bytes of chunks as sent."""
         left_bytes, sent = sent_bytes, []
         for chunk in chunks:
             sent.append(chunk if chunk.length <= left_bytes else chunk._replace(length=left_bytes))
