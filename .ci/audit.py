@@ -25,7 +25,7 @@ from typing import Any
 
 ROOT = "terraport"
 WEB = Path(__file__).resolve().parents[1] / "client_sdk" / "web"
-EXTRAS = {"all", "server", "pipeline", "export", "cluster", "eddsa", "s3", "tls", "dev"}
+EXTRAS = {"all", "server", "pipeline", "export", "cluster", "eddsa", "s3", "dev"}
 TIMEOUT_S = 240
 
 ALLOWED = {
