@@ -174,6 +174,18 @@ def test_what_the_environment_says_wrongly_is_named_by_its_variable(
     )
 
 
+def test_beyond_this_machine_it_names_what_only_a_proxy_limits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "terraport_server.serving.run", lambda _settings, _options, announce: announce(1)
+    )
+    code, output = run(str(tmp_path), "--host", "0.0.0.0", "--token", "sixteen-characters")
+    assert code == 0
+    assert "Without a proxy in front, nothing limits idle connections" in output
+    assert "proxy" not in run(str(tmp_path))[1]
+
+
 def test_a_folder_that_is_given_wins_over_an_address_in_the_environment(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
