@@ -176,7 +176,7 @@ def _options(settings: Settings, limits: Limits) -> dict[str, Any]:
         # Open landings finish, then clients read what is left.
         "timeout_graceful_shutdown": round(settings.drain_timeout_s + limits.close_timeout_s) + 1,
         "forwarded_allow_ips": settings.forwarded_allow_ips,
-        # Between max_message_bytes and this a client receives too_large; beyond it is closed (1009).
+        # Above max_message_bytes a client receives too_large; above this it is closed (1009).
         "ws_max_size": 4 * limits.session.max_message_bytes,
         # Payloads are compressed offline; deflate would cost 100 times the time.
         "ws_per_message_deflate": False,
