@@ -1,4 +1,4 @@
-"""``terraport serve``."""
+"""Command ``terraport serve``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a client is counted under: its address, of IPv6 the first 64 bits."""
+"""Key of a client for limits per address: its IPv4 address, or its IPv6 /64 network."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["client_key"]
 def client_key(host: str) -> str:
     """Return the key under which a client's sessions are counted.
 
-    Whoever has one address of IPv6 has 2^64 of them.
+    A client with one IPv6 address usually has all 2^64 of its network.
 
     Examples
     --------

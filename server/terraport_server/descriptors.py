@@ -1,4 +1,4 @@
-"""File descriptors of the process: raise their limit, and keep some from connections.
+"""File descriptors of the process: raise their limit, and reserve some for other uses.
 
 Without a reserve a process that has run out of descriptors could not refuse connections, watch
 scenes, or read files.

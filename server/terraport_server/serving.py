@@ -93,7 +93,7 @@ def listen(host: str, port: int) -> list[socket.socket]:
 
 
 def host_in_url(host: str) -> str:
-    """Return a host as URLs have it: IPv6 in brackets.
+    """Return a host as in URLs: IPv6 in brackets.
 
     Examples
     --------
@@ -142,7 +142,7 @@ def make_server(
     Raises
     ------
     SettingsError
-        When the settings cannot be served with, or not safely.
+        If the settings are not valid or not safe.
     """
     check_certificate(settings)
     app = create_app(settings, limits)
@@ -210,7 +210,7 @@ def run(
     Raises
     ------
     SettingsError
-        When the settings cannot be served with, or not safely.
+        If the settings are not valid or not safe.
     ServerError
         When the address cannot be listened on, or the service could not start (the log says why).
     """
@@ -236,7 +236,7 @@ def run(
 
 
 def prepare_process() -> None:
-    """Set up the interpreter of a process that does nothing but serve."""
+    """Configure the interpreter of a dedicated server process."""
     sys.setswitchinterval(_SWITCH_S)
     # A search through all modules for garbage would stop the loop for tens of milliseconds.
     gc.collect()
@@ -323,7 +323,7 @@ def _check_pem(setting: str, path: Path, mark: bytes, what: str) -> bytes:
 
 
 def _refusal(host: str, port: int, error: OSError) -> str:
-    """Return which address cannot be listened on, why, and what to do."""
+    """Return the error text for an address that cannot be bound, with advice."""
     text = f"could not listen on {host_in_url(host)}:{port}"
     if error.errno == errno.EADDRINUSE:
         advice = "--port 0 for any free one"

@@ -146,7 +146,7 @@ class Settings(BaseSettings):
         return "here" if self.group_routing == "process" else "query"
 
     def check(self) -> None:
-        """Refuse settings that cannot be served with, or not safely.
+        """Check the settings: valid, and safe to serve with.
 
         Raises
         ------
@@ -187,29 +187,29 @@ class Settings(BaseSettings):
 
     @property
     def is_open(self) -> bool:
-        """Whether no token is asked for."""
+        """Whether no token is needed."""
         return self.token is None and self.tokens_file is None and self.token_keys_file is None
 
     @property
     def serves_docs(self) -> bool:
-        """Whether anybody may read /docs."""
+        """Whether /docs needs no token."""
         return self.is_open
 
     @property
     def serves_metrics(self) -> bool:
-        """Whether anybody may read /metrics."""
+        """Whether /metrics needs no token."""
         if self.public_metrics is None:
             return self.is_open and self.metrics_token is None
         return self.public_metrics
 
     @property
     def checks_host(self) -> bool:
-        """Whether a request must call the service by a name that is its own."""
+        """Whether the Host header of requests is checked."""
         return self.is_open and not self.allow_open and is_loopback(self.host)
 
 
 def _no_folder(path: Path) -> str:
-    """Say what a path is instead of a folder of scenes."""
+    """Return the error text for a path that is not a folder of scenes."""
     meant = meant_url(path)
     if meant is not None:
         return f"got {str(path)!r}, expected {meant} for scenes in object storage"

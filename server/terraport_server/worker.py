@@ -1,4 +1,4 @@
-"""Application of one of several processes, as uvicorn imports it in each of them.
+"""Application of a worker process, imported by uvicorn.
 
 Settings come from the environment, under the options of the command line that
 :func:`terraport_server.serving.run` put there.
@@ -28,7 +28,7 @@ prepare_process()
 
 
 def _end_with_parent() -> None:
-    """Shut down when the parent is gone: a killed one would leave the port taken."""
+    """Shut down when the parent process ends, so that the port becomes free."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

@@ -1,1 +1,1 @@
-"""Who may see what: tokens, their files and keys."""
+"""Authorisation: tokens, signing keys, origins."""

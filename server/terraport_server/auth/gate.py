@@ -43,12 +43,12 @@ class TokenPass:
     signed: SignedClaims | None = None
 
     def opens(self, scene_id: str) -> bool:
-        """Return whether its bearer may see the scene; times are not checked."""
+        """Return whether the token opens the scene; its expiry is not checked."""
         return "land" in self.scopes and (self.scenes is None or scene_id in self.scenes)
 
     @property
     def guide(self) -> bool:
-        """Whether its bearer may guide a group."""
+        """Whether the token allows guiding a group."""
         return "guide" in self.scopes
 
 
@@ -130,7 +130,7 @@ class Gate:
         self._keys = keys
 
     def find(self, token: str | None) -> TokenPass | None:
-        """Return the rights of a token; ``None`` where it has none now."""
+        """Return the rights of a token; ``None`` if it is not valid now."""
         if self.is_open:
             return _OPEN_PASS
         if token is None:
@@ -155,7 +155,7 @@ class Gate:
         return None if isinstance(admission, TokenPass) else admission
 
     def withdrawal(self, token_pass: TokenPass, scene_id: str) -> Withdrawal | None:
-        """Return why a pass no longer opens the scene; ``None`` while it does."""
+        """Return why rights to a scene have ended; ``None`` while they last."""
         if self.is_open:
             return None
         if token_pass.signed is not None:

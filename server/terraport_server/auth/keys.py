@@ -1,4 +1,4 @@
-"""Keys that sign expiring tokens, and the file that holds them.
+"""Signing keys of expiring tokens, and the key file.
 
 One key a line: ``ID ALGORITHM KEY``, the key as base64url. Tokens are signed by the first key and
 accepted from every one. To replace a key, put the new one on top, and remove the old one when its
@@ -84,12 +84,12 @@ class TokenKey:
         raise SettingsError("token_keys_file", what)
 
     def public(self) -> TokenKey:
-        """Return the key that checks this one's tokens and makes none; EdDSA only."""
+        """Return the public key of an EdDSA key."""
         raw = self.signing().public_key().public_bytes_raw()
         return TokenKey(self.id, "EdDSA", raw)
 
     def line(self) -> str:
-        """Return the key as it stands in the file."""
+        """Return the key's line of the key file."""
         text = base64.urlsafe_b64encode(self.secret).rstrip(b"=").decode()
         return f"{self.id} {self.algorithm} {text}"
 
@@ -104,7 +104,7 @@ class KeyRing:
     """Ids of revoked tokens."""
 
     def find(self, key_id: str) -> TokenKey | None:
-        """Return the key of that id."""
+        """Return the key with an id; None if there is none."""
         return next((key for key in self.keys if key.id == key_id), None)
 
 

@@ -64,7 +64,7 @@ class _WatchedFile:
 
 
 class AccessWatch:
-    """Watches credential files and sessions. Lives on one event loop.
+    """Watches credential files and sessions. Used on one event loop.
 
     Parameters
     ----------

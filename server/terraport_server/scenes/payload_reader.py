@@ -40,7 +40,7 @@ _PREFETCHED_BYTES: Final = 1 << 20
 
 
 class PayloadReader:
-    """Payloads of one open scene. Lives on one event loop.
+    """Payloads of one open scene. Used on one event loop.
 
     Parameters
     ----------

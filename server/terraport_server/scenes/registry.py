@@ -41,7 +41,7 @@ T = TypeVar("T")
 
 
 class SceneRegistry:
-    """Open scenes by id. Lives on one event loop.
+    """Open scenes by id. Used on one event loop.
 
     Parameters
     ----------

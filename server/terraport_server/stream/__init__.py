@@ -1,1 +1,1 @@
-"""The WebSocket: connections, sessions run over them, and whose payload goes next."""
+"""WebSocket: connections, senders of sessions, and the order of sending."""

@@ -90,7 +90,7 @@ class Connection(asyncio.Protocol):
         most_bytes = min(MAX_FIRST_MESSAGE_BYTES, config.ws_max_size)
         self._protocol = ServerProtocol(max_size=most_bytes, logger=_QUIET)
         self.heard_s = monotonic()
-        """When bytes last came from the client."""
+        """Time at which data was last received."""
         self.on_shutdown: Callable[[], None] | None = None
         """Called when the server stops, instead of closing the connection."""
         self._unparsed = bytearray()
@@ -130,7 +130,7 @@ class Connection(asyncio.Protocol):
                 raw.setsockopt(socket.IPPROTO_TCP, _TCP_NOTSENT_LOWAT, self.notsent_lowat_bytes)
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's
-        """Tell the application, and let go of everything."""
+        """Notify the application and release all buffers."""
         self._server_state.connections.discard(cast("Any", self))
         self._unparsed.clear()
         self._add_event({"type": "websocket.disconnect", "code": 1006})
@@ -140,17 +140,17 @@ class Connection(asyncio.Protocol):
                 timer.cancel()
 
     def data_received(self, data: bytes) -> None:
-        """Parse what came, as far as the limits allow."""
+        """Parse received data, as far as the limits allow."""
         self.heard_s = monotonic()
         self._unparsed += data
         self._parse()
 
     def pause_writing(self) -> None:
-        """Note that the socket is full."""
+        """Stop writing: the socket is full."""
         self.writer.pause()
 
     def resume_writing(self) -> None:
-        """Continue with what waits for room."""
+        """Continue writing: the socket has room."""
         pongs, self._pongs = self._pongs, b""
         if pongs and not self.writer.closing:
             self.writer.append(pongs)
@@ -171,7 +171,7 @@ class Connection(asyncio.Protocol):
         self._protocol.max_message_size = self._config.ws_max_size
 
     def deliver_to(self, call: Callable[[dict[str, Any]], bool] | None) -> None:
-        """Call for each ASGI event from now on, instead of :meth:`receive`.
+        """Set the callback for ASGI events, which replaces :meth:`receive`.
 
         It returns whether another message may come; if not, call :meth:`read_on` later.
         """
@@ -182,7 +182,7 @@ class Connection(asyncio.Protocol):
         self._parse()
 
     def read_on(self) -> None:
-        """Let messages come again."""
+        """Continue to read messages."""
         if self._is_held:
             self._is_held = False
             self._parse_later()
@@ -312,12 +312,12 @@ class Connection(asyncio.Protocol):
             self._ping_timer = self._loop.call_later(interval_s, self._ping)
 
     def _flush(self) -> None:
-        """Send what the library has to send."""
+        """Send pending data of the library."""
         self.writer.append(b"".join(self._protocol.data_to_send()))
         self.writer.flush()
 
     def _end(self) -> None:
-        """End the connection after what the library has to send last."""
+        """Send the library's last data and end the connection."""
         received = self._protocol.close_rcvd
         code, reason = (1006, "") if received is None else (received.code, received.reason)
         self._add_event({"type": "websocket.disconnect", "code": code, "reason": reason})

@@ -117,7 +117,7 @@ class FrameWriter:
                 self._keep(self._backlog, self._writev(self._backlog))
 
     def flush_to_transport(self) -> None:
-        """Give all of the backlog to the transport: before it is closed."""
+        """Pass the whole backlog to the transport, before it is closed."""
         if self._backlog and not self.lost:
             data, self._backlog, self._backlog_bytes = b"".join(self._backlog), [], 0
             self._transport.write(data)
@@ -153,7 +153,7 @@ class FrameWriter:
         return whole + 1
 
     def pause(self) -> None:
-        """Note that the socket is full."""
+        """Stop writing: the socket is full."""
         self._writable = False
 
     def resume(self) -> None:
@@ -182,7 +182,7 @@ class FrameWriter:
             return 0
 
     def _keep(self, buffers: list[Data], sent: int) -> None:
-        """Make what was not sent of some buffers the backlog; wait for room where there is some."""
+        """Keep the unsent part of buffers as backlog, and wait for room if there is one."""
         number = 0
         while number < len(buffers) and sent >= len(buffers[number]):
             sent -= len(buffers[number])

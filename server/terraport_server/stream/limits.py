@@ -60,7 +60,7 @@ class SessionCounts:
         return refusal
 
     def remove(self, client: str) -> None:
-        """Count a session out."""
+        """Remove a session from the counts."""
         self._counts[client] -= 1
         if self._counts[client] <= 0:
             del self._counts[client]

@@ -100,7 +100,7 @@ class _Frames:
 
 
 class Sender:
-    """One client.
+    """Sender of one session.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ class Sender:
             await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def wake(self) -> None:
-        """Look at the session again, in the next loop iteration: it was called from outside."""
+        """Call :meth:`pump` in the next loop iteration, after another caller used the session."""
         if not (self._is_woken or self._over.done()):
             self._is_woken = True
             self._loop.call_soon(self._on_woken)
@@ -215,7 +215,7 @@ class Sender:
         return self._has_room
 
     def pump(self) -> None:
-        """Carry out what the session wants, until it has to wait for something."""
+        """Carry out the session's actions until one has to wait."""
         if self._is_pumping:
             return
         self._is_pumping = True
@@ -270,7 +270,7 @@ class Sender:
         return True
 
     def _go_on(self) -> None:
-        """Continue after what was waited for."""
+        """Continue after a wait."""
         self._is_waiting = False
         self.pump()
 
@@ -445,7 +445,7 @@ class Sender:
             self._announced_bytes = _EVERYTHING_AHEAD if is_rest else known_bytes
 
     async def _fetch(self, chunk: SendChunk) -> None:
-        """Wait until a chunk is in memory, or note that it cannot be read; then continue."""
+        """Wait until a chunk is in memory, or record that it cannot be read; then continue."""
         self._metrics.payload_reads.inc()
         try:
             coming = self.session.upcoming(_MAX_ANNOUNCED)[1:]
@@ -467,7 +467,7 @@ class Sender:
     # Time.
 
     def _set_timer(self) -> None:
-        """Set the timer to what is due next; to the end, where the session closes."""
+        """Set the timer to the session's next deadline, or to the end of closing."""
         if self._is_closing or self._over.done():
             return
         now_s = monotonic()
