@@ -31,6 +31,7 @@ from terraport_server.stream.connection import (
     FRAMES_PER_MESSAGE,
     MAX_FIRST_FRAMES,
     MAX_FIRST_MESSAGE_BYTES,
+    Connection,
 )
 from terraport_server.stream.frame_writer import FrameWriter, message_header
 from terraport_wire import (
@@ -235,7 +236,9 @@ def test_of_pongs_that_are_not_read_the_newest_is_sent(tmp_path: Path) -> None:
         client = SlowClient(server.port)
         client.send(make_hello())
         client.send(EVERYWHERE)
-        time.sleep(0.3)
+        (connection,) = server._server.server_state.connections
+        assert isinstance(connection, Connection)
+        eventually(lambda: connection.writer.is_full)
         for number in range(2000):
             client.ping(b"%120d" % number)
         client.flush()
