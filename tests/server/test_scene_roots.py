@@ -14,6 +14,7 @@ from s3_servers import s3_environment
 from server.grid_scene import write_grid_scene
 
 from terraport_server.errors import SettingsError
+from terraport_server.limits import DEFAULT_LIMITS
 from terraport_server.scenes.roots import ObjectRoot, SceneRoot, root_of
 from terraport_server.settings import Settings
 from terraport_store import OriginError
@@ -90,8 +91,10 @@ def test_storage_that_never_answers_is_said_within_seconds(tmp_path: Path) -> No
 
 
 def test_settings_name_the_root(root: Path, tmp_path: Path) -> None:
-    assert type(root_of(Settings(scenes_dir=root))) is SceneRoot
-    named = root_of(Settings(scenes_url=f"file://{root}", object_cache_dir=tmp_path / "cache"))
+    assert type(root_of(Settings(scenes_dir=root), DEFAULT_LIMITS)) is SceneRoot
+    named = root_of(
+        Settings(scenes_url=f"file://{root}", object_cache_dir=tmp_path / "cache"), DEFAULT_LIMITS
+    )
     assert isinstance(named, ObjectRoot)
     assert named.ahead_bytes == 8 << 20
     assert list(named.look()) == ["pit", "well"]
@@ -101,7 +104,10 @@ def test_settings_name_the_root(root: Path, tmp_path: Path) -> None:
 def test_a_cache_that_cannot_be_written_is_refused(root: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
     with pytest.raises(SettingsError, match=r"object_cache_dir: .* object_cache_bytes = 0"):
-        root_of(Settings(scenes_url="file:///x", object_cache_dir=tmp_path / "file" / "cache"))
+        root_of(
+            Settings(scenes_url="file:///x", object_cache_dir=tmp_path / "file" / "cache"),
+            DEFAULT_LIMITS,
+        )
 
 
 def test_an_address_must_be_one() -> None:
