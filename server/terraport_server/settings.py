@@ -119,7 +119,7 @@ class Settings(BaseSettings):
     max_sessions_per_ip: Annotated[int, Field(ge=1)] = 32
     """Sessions of one address; the last eighth of max_sessions is for addresses with few."""
     max_messages_per_s: Annotated[float, Field(gt=0, le=1e9)] = 60.0
-    """Messages of one client, averaged over 10 s; a plan over many segments counts as several."""
+    """Messages of one client, averaged over 10 s."""
     max_credit_bytes: Annotated[int, Field(ge=1, le=MAX_INTEGER)] = 64 << 20
     """Payload bytes that one client may have outstanding; more credit is clamped."""
     max_radius_m: Annotated[float, Field(gt=0, le=MAX_RADIUS_M)] = 500.0
