@@ -45,7 +45,8 @@ def test_the_link_is_cut_while_idle(open_page: OpenPage, line: Line) -> None:
     drawn = viewer.run("glWatch.ground()")
     line.refuse(True)
     line.cut()
-    assert "Connection lost" in viewer.notice("link")
+    # On a slow machine the page has begun to connect anew by then.
+    assert viewer.notice("link").startswith(("Connection lost", "Reconnecting"))
     expect(viewer.page.locator("#link-state")).to_have_text("Connection lost")
     # Base and detail stay, and can be looked at.
     assert viewer.digest == first["digest"]

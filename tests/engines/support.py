@@ -55,6 +55,7 @@ def both(file: str, test: str) -> tuple[Claim, Claim]:
 
 SERVER = Yes(f"{WEB}/client/server.test.ts", "a landing, a hop and a return")
 SDK_LAND = "tests/socket/test_sdk_sessions.py"
+SDK_CORE = "tests/sdk/test_session_landings.py"
 
 FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     "wire corpus, whole": (
@@ -78,12 +79,12 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         *both(LAND, "test_assembled_segments_are_those_of_the_python_sdk"),
     ),
     "visible sets of a walk as the Python SDK": (
-        Yes(SDK_LAND, "test_the_visible_set_does_not_depend_on_what_was_before"),
+        Yes(SDK_LAND, "test_after_every_hop_exactly_what_is_within_the_radius_is_shown"),
         Yes(f"{WEB}/client/server.test.ts", "visible sets are those of the Python SDK"),
         *both(LAND, "test_visible_sets_of_a_walk_are_those_of_the_python_sdk"),
     ),
     "a second visit costs no bytes": (
-        Yes(SDK_LAND, "test_a_second_visit_costs_no_payload_bytes"),
+        Yes(SDK_CORE, "test_a_second_visit_costs_no_bytes"),
         SERVER,
         *both(LAND, "test_a_second_visit_costs_no_bytes"),
     ),
@@ -103,7 +104,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         *both(FAULT, "test_a_deadline_shows_the_inner_part_first"),
     ),
     "aims fetch ahead": (
-        Yes(SDK_LAND, "test_an_aim_makes_the_landing_free"),
+        Yes(SDK_CORE, "test_an_aim_is_held_for_the_landing_that_follows"),
         Yes(
             f"{WEB}/client/server.test.ts", "an aim, and the landing there has nothing left to load"
         ),

@@ -337,3 +337,61 @@ def test_a_first_connection_waits_for_a_service_that_is_replaced(tmp_path: Path)
                 pass
 
     run(check())
+
+
+@pytest.mark.parametrize(
+    ("budget", "total"),
+    [("max_triangles", "total_triangles"), ("max_bytes", "total_bytes"), ("max_segments", None)],
+)
+def test_budgets_are_never_exceeded(server: BackgroundServer, budget: str, total: str) -> None:
+    async def work() -> None:
+        limit = {"max_triangles": 2000, "max_bytes": 20_000, "max_segments": 7}[budget]
+        async with terraport.connect(server.scene_url("grid"), **{budget: limit}) as session:
+            for position in (CENTRE, CORNER):
+                landing = await session.land(position, radius_m=EVERYWHERE_M)
+                await landing.ready(10)
+                plan = landing.plan
+                count = len(plan.load) + len(plan.keep)
+                assert (getattr(plan, total) if total else count) <= limit
+                assert plan.omitted_by == budget
+                assert plan.effective_radius_m < EVERYWHERE_M
+
+    run(work())
+
+
+def test_picks_find_the_ground_whether_loaded_or_not(server: BackgroundServer) -> None:
+    async def work() -> None:
+        async with terraport.connect(server.scene_url("grid")) as session:
+            hits = await asyncio.gather(
+                *(session.pick((x, 50.0, 5.0), (0, -1, 0)) for x in (5.0, 15.0, 25.0))
+            )
+            assert [hit.segment for hit in hits] == [0, 1, 2]
+            assert hits[0].height_m == pytest.approx(100.0 + hits[0].position[1], abs=1e-6)
+            assert hits[0].attributes["grade"] == pytest.approx(0.55, abs=0.01)
+            assert await session.pick((-500.0, 0.0, 0.0)) is None
+            with pytest.raises(UsageError, match="direction"):
+                await session.pick(CENTRE, (0, 0, 0))
+
+    run(work())
+
+
+def test_tokens(scenes_dir: Path, token: str) -> None:
+    """The right one opens stream and files; a wrong one is refused, and appears in no error."""
+
+    async def work() -> None:
+        with BackgroundServer(scenes_dir, token=token) as closed:
+            url = closed.scene_url("grid")
+            async with terraport.connect(url, token) as session:
+                await (await session.land(CENTRE, radius_m=5.0)).ready(10)
+                await session.base()
+            for wrong in (None, "wrong-token-0123456789"):
+                with pytest.raises(ServerError) as caught:
+                    async with terraport.connect(url, wrong):
+                        pass
+                assert caught.value.code == "unauthorised"
+                assert "wrong-token" not in str(caught.value)
+            with pytest.raises(HttpError, match="answered 401"):
+                async with terraport.connect(closed.url, "wrong-token-0123456789"):
+                    pass
+
+    run(work())
