@@ -97,9 +97,9 @@ def test_here_a_change_reaches_its_own_test_first_and_leaves_most_out(
 ) -> None:
     """The whole of what it knows about this tree: imports, fixtures, the command line, files."""
     _selection, changed = ci
-    picked = changed.select(["store/terraport_store/spatial.py"])
+    picked = changed.select(["store/terraport_store/packed_rtree.py"])
     paths = [selected_test.path for selected_test in picked.tests]
-    assert paths[0] == "tests/store/test_spatial.py"
+    assert paths[0] == "tests/store/test_packed_rtree.py"
     for needed in (
         "tests/store/test_reader.py",
         "tests/socket/test_landings.py",

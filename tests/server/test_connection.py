@@ -69,7 +69,7 @@ def frame(opcode: int, data: bytes, *, fin: bool = True) -> bytes:
 
 def raw_connect(port: int) -> socket.socket:
     """Open a WebSocket that is read and written by the byte."""
-    raw = socket.create_connection(("127.0.0.1", port), 5)
+    raw = socket.create_connection(("127.0.0.1", port), 30)  # longer than a close may take
     raw.sendall(
         b"GET /scenes/grid/stream HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\n"
         b"Connection: Upgrade\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
