@@ -284,7 +284,7 @@ def _strips(faces: Int64) -> tuple[Int64, Bool, Bool]:
     goes_on = (in_after.sum(axis=1) == 2) & (in_before.sum(axis=1) == 2)
     # The common edge runs the other way in the other face.
     goes_on &= before[pairs, (lost + 1) % 3] == after[pairs, (new + 2) % 3]
-    # A face that goes back over the edge it came by starts anew.
+    # A face that shares the edge by which the strip entered the last face begins a new strip.
     goes_on[1:] &= lost[1:] != np.where(goes_on[:-1], new[:-1], 3)
     starts = np.concatenate([[True], ~goes_on])
     # A start is turned so that its next face lies right.

@@ -63,7 +63,7 @@ class Limits:
         Raises
         ------
         TypeError
-            When there is no limit of a name.
+            If no limit has this name.
         """
         session = _take(changes, SessionLimits)
         groups = _take(changes, GroupLimits)

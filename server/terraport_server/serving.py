@@ -314,7 +314,7 @@ def _check_pem(setting: str, path: Path, mark: bytes, what: str) -> bytes:
     try:
         text = path.read_bytes()
     except FileNotFoundError:
-        raise SettingsError(setting, f"there is no file {path}, expected one in PEM") from None
+        raise SettingsError(setting, f"there is no file {path}, expected a PEM file") from None
     except OSError as error:
         raise SettingsError(setting, f"cannot read {path}: {error.strerror}") from None
     if b"-----BEGIN" not in text or mark not in text:

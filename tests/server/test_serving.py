@@ -141,7 +141,7 @@ def test_help_teaches() -> None:
         (["{dir}", "--ssl-keyfile", "x"], "--ssl-keyfile: got one of ssl_certfile and ssl_keyfile"),
         (
             ["{dir}", "--ssl-keyfile", "{dir}/file", "--ssl-certfile", "{dir}/x"],
-            "--ssl-certfile: there is no file {dir}/x, expected one in PEM",
+            "--ssl-certfile: there is no file {dir}/x, expected a PEM file",
         ),
         (
             ["{dir}", "--ssl-keyfile", "{dir}/file", "--ssl-certfile", "{dir}/file"],

@@ -195,7 +195,7 @@ def write_keys(path: Path, lines: list[str]) -> None:
         When it cannot be written; the old file is unchanged.
     """
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
-    # Created with its final mode: there is no moment in which others can open it.
+    # Created with its final mode, so that others can never open it.
     descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     try:
         with os.fdopen(descriptor, "w", encoding="utf-8") as file:

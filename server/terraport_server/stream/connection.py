@@ -142,8 +142,9 @@ class Connection(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Parse received data, as far as the limits allow."""
         self.heard_s = monotonic()
-        self._unparsed += data
-        self._parse()
+        if not self.writer.ending:
+            self._unparsed += data
+            self._parse()
 
     def pause_writing(self) -> None:
         """Stop writing: the socket is full."""
@@ -323,11 +324,9 @@ class Connection(asyncio.Protocol):
         self._add_event({"type": "websocket.disconnect", "code": code, "reason": reason})
         self._unparsed.clear()
         self._flush()
-        self.writer.closing = True
-        self.writer.flush_to_transport()
         if self._close_timer is None:
             self._close_timer = self._loop.call_later(self.close_timeout_s, self.abort)
-        self._transport.close()
+        self.writer.close()
 
     # The ASGI application.
 

@@ -58,6 +58,8 @@ class FrameWriter:
         """Whether the connection is over."""
         self.closing = False
         """Whether a close frame was sent: no message may follow."""
+        self.ending = False
+        """Whether :meth:`close` was called: nothing that is received matters any more."""
         self._backlog: list[Data] = []
         self._backlog_bytes = 0
         self._writable = True
@@ -112,15 +114,20 @@ class FrameWriter:
         """Send the backlog as far as the socket takes it."""
         while self._backlog and self._writable and not self.lost:
             if self.descriptor < 0:
-                self.flush_to_transport()
+                data, self._backlog, self._backlog_bytes = b"".join(self._backlog), [], 0
+                self._transport.write(data)
             else:
                 self._keep(self._backlog, self._writev(self._backlog))
 
-    def flush_to_transport(self) -> None:
-        """Pass the whole backlog to the transport, before it is closed."""
-        if self._backlog and not self.lost:
-            data, self._backlog, self._backlog_bytes = b"".join(self._backlog), [], 0
-            self._transport.write(data)
+    def close(self) -> None:
+        """Close the transport as soon as the socket has taken the backlog.
+
+        The backlog is not passed to the transport: it may lie in a mapped pack, and a copy of what
+        a pack cut short has lost ends the process (SIGBUS), while a system call fails.
+        """
+        self.closing = self.ending = True
+        self.flush()
+        self._close_if_sent()
 
     def send_frames(self, buffers: list[Data], ends: Sequence[int]) -> int:
         """Send binary messages; never waits. Only while :attr:`is_writable`.
@@ -161,6 +168,8 @@ class FrameWriter:
         self._writable = True
         self._call_back()
         self.flush()
+        if self.ending:
+            self._close_if_sent()
         if self._writable:
             self._wake()
 
@@ -171,6 +180,14 @@ class FrameWriter:
         self._call_back()
         self._wake()
 
+    def _close_if_sent(self) -> None:
+        if not (self._backlog or self.lost):
+            self._end(self._transport.close)
+
+    def _end(self, how: Callable[[], None]) -> None:
+        # Not at once: asyncio's transport ends twice if that happens in its call of resume_writing.
+        asyncio.get_running_loop().call_soon(how)
+
     def _writev(self, buffers: list[Data]) -> int:
         try:
             return os.writev(self.descriptor, buffers)
@@ -178,7 +195,7 @@ class FrameWriter:
             return 0
         except OSError:
             self.lost = True
-            self._transport.abort()
+            self._end(self._transport.abort)
             return 0
 
     def _keep(self, buffers: list[Data], sent: int) -> None:

@@ -1,6 +1,6 @@
 """Carries out one session over one connection: messages in, plans, picks, messages and payload out.
 
-There is no task per client but the one that waits for the end. The connection calls
+Each client has one task, which waits for the end of the session. The connection calls
 :meth:`Sender.receive` for each message; :meth:`Sender.pump` carries out what the session wants
 until it has to wait: for its turn to plan, for its turn to send, for room in the socket, or for
 payload that is not in memory. Whatever was waited for calls it again.

@@ -57,7 +57,7 @@ between."""
 
 NEAREST_EYE_M: Final = 0.1
 """Minimum distance of a grazing ray's start to its target, metres: the viewers' near plane. Nothing
-nearer is drawn. A start in a crevice of noise, a centimetre from the target, is no view."""
+nearer is drawn, so nobody sees a surface from a crevice of noise one centimetre away."""
 
 STEEP_WEIGHT: Final = 4.0
 """Additional weight of a vertical face: five rays for one at a horizontal face of equal area."""
