@@ -19,7 +19,13 @@ import numpy as np
 
 from terraport_payload.errors import PayloadError
 from terraport_payload.glb_texture import decode_uvs, encode_uvs
-from terraport_payload.grid import AttributeScale, decode_attribute, encode_attribute, grid_codes
+from terraport_payload.grid import (
+    MAX_STEPS,
+    AttributeScale,
+    decode_attribute,
+    encode_attribute,
+    grid_codes,
+)
 from terraport_payload.mesh import SegmentMesh
 from terraport_payload.meshcheck import check_mesh
 from terraport_payload.texture import MAX_IMAGE_BYTES, Texture
@@ -181,7 +187,9 @@ def decode_segment(
     stream[~is_new] = old  # at most what stood there: it fits
     # (3) Vertices.
     steps = planes.rows(vertices, 3, 2).astype(np.int32) + np.array([x, y, z], np.int32)
-    if not -1022 <= exponent <= 127 or np.abs(steps).max() >= 1 << 24:
+    # Not by absolute values: int32 has none of its least number, which a damaged origin may give.
+    inside = int(steps.min()) > -MAX_STEPS and int(steps.max()) < MAX_STEPS
+    if not -1022 <= exponent <= 127 or not inside:
         raise PayloadError("a position 2^24 steps or more from the origin, expected less")
     normals = _unfold(planes.rows(vertices, 2, 1))
     colours = uvs = texture = regions = None
@@ -199,7 +207,9 @@ def decode_segment(
     for bit, (name, scale) in enumerate(scales.items()):
         if mask >> bit & 1:
             attributes[name] = decode_attribute(planes.differences(vertices, 2), scale)
-    if mask >> len(scales) or planes.left:
+    if mask >> len(scales):
+        raise PayloadError(f"attributes {mask:#x}, expected some of the scene's {len(scales)}")
+    if planes.left:
         raise PayloadError(f"{planes.left} bytes behind the last plane, expected none")
     mesh = SegmentMesh(
         (steps * 2.0**exponent).astype(np.float32), _faces(stream, starts, lefts), normals,
