@@ -25,7 +25,7 @@ from typing import Final
 import numpy as np
 from parts.damaged_sets import DAMAGES, write_set
 
-from terraport_payload import SegmentMesh, decode_glb
+from terraport_payload import SegmentMesh
 from terraport_pipeline.engines.images import decode_image
 from terraport_pipeline.errors import PhotoError
 from terraport_pipeline.options.texturing import Texturing
@@ -106,9 +106,7 @@ def _difference(right: Path, scene: Path) -> float:
         assert len(reference.index) == len(damaged.index)  # the same surface
         differences = []
         for number in range(0, len(reference.index), max(1, len(reference.index) // 40)):
-            first, second = (
-                _levels(decode_glb(which.payload(number))) for which in (reference, damaged)
-            )
+            first, second = (_levels(which.mesh(number)) for which in (reference, damaged))
             differences.append(np.abs(first - second).mean(axis=1))
     return float(np.concatenate(differences).mean())
 

@@ -337,11 +337,15 @@ def measure_plan(size: Size) -> dict[str, Any]:
     tree = PackedRTree(bounds)
     packed_s = time.perf_counter() - began_s
     # A session that has said hello and has credit for everything.
-    view = SceneView("pit", "1", "pit", {"glb": table}, tree.within)
+    view = SceneView("pit", "1", "pit", {"segment-2": table}, tree.within)
     limits = SessionLimits(max_messages_per_s=1e9)
     session = Session(view, limits, session_id="benchmark", now_s=0.0)
     hello = Hello(
-        protocol=(1, 0), client="benchmark", encoding="glb", budgets=Budgets(), credit_bytes=PLENTY
+        protocol=(1, 0),
+        client="benchmark",
+        encoding="segment-2",
+        budgets=Budgets(),
+        credit_bytes=PLENTY,
     )
     session.receive(hello, 0.0)
     session.next_action()

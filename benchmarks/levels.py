@@ -108,9 +108,9 @@ class Bench:
 
     def __init__(self, scene: Scene, share: float | None) -> None:
         count = len(scene.index)
-        detail = [decode_glb(scene.payload(segment)) for segment in range(count)]
+        detail = [scene.mesh(segment) for segment in range(count)]
         if share is None:
-            coarse = [decode_glb(scene.payload(count + segment)) for segment in range(count)]
+            coarse = [scene.mesh(count + segment) for segment in range(count)]
             lengths = scene.rows.length[count:].astype(np.int64)
         else:
             scales = {a.name: AttributeScale(a.offset, a.step) for a in scene.manifest.attributes}

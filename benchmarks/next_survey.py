@@ -263,7 +263,7 @@ def _deliveries(
 
 def _bytes_of_tile(scene: Path, tile: int) -> int:
     return sum(
-        path.stat().st_size for path in (_work(scene) / f"pack-tile-{tile:05d}").glob("glb.npy")
+        path.stat().st_size for path in (_work(scene) / f"pack-tile-{tile:05d}").glob("payload.npy")
     )
 
 

@@ -78,7 +78,7 @@ def main() -> int:
 
 def fits(served: ServedScene, device: Device, landings: int) -> bool:
     """Land, print, and tell whether everything stays within the device's bounds."""
-    table = served.view.encodings["glb"]
+    table = served.view.encodings["segment-2"]
     rows = np.arange(table.segment_count)
     share = landing_share(served, device)
     # Bounded by nothing: told is what the ground takes there, not what a bound left of it.

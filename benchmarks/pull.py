@@ -228,7 +228,7 @@ def measure_plans(landings: int) -> None:
     pack = PullInfo(base="scenes/pit/", pack="v-1/segments.pack", pack_bytes=1 << 37)
     pull = PullView(pack, hashes * np.uint64(40_000 // 64 * 64 + 64))
     within = PackedRTree(bounds).within
-    view = SceneView("pit", "1", "pit", {"glb": table}, within, pull)
+    view = SceneView("pit", "1", "pit", {"segment-2": table}, within, pull)
     session = Session(view, SessionLimits(max_messages_per_s=1e9), session_id="s", now_s=0.0)
     sent = {"land": 0, "plan": 0, "held": 0}
 
@@ -248,7 +248,7 @@ def measure_plans(landings: int) -> None:
     hello = Hello(
         protocol=(1, 0),
         client="b",
-        encoding="glb",
+        encoding="segment-2",
         budgets=Budgets(),
         credit_bytes=1 << 20,
         delivery="pull",

@@ -54,7 +54,7 @@ def scene_of_a_million() -> SceneView:
         texture_bytes=np.zeros(count, np.uint64),
     )
     within = PackedRTree(bounds).within
-    return SceneView(id="m", version="v", name="M", encodings={"glb": table}, within=within)
+    return SceneView(id="m", version="v", name="M", encodings={"segment-2": table}, within=within)
 
 
 def opened(scene: SceneView) -> Session:
@@ -62,7 +62,7 @@ def opened(scene: SceneView) -> Session:
     limits = SessionLimits(max_messages_per_s=1e9, max_credit_bytes=PLENTY)
     session = Session(scene, limits, session_id="s", now_s=0.0)
     hello = Hello(
-        protocol=(1, 0), client="", encoding="glb", budgets=Budgets(), credit_bytes=PLENTY
+        protocol=(1, 0), client="", encoding="segment-2", budgets=Budgets(), credit_bytes=PLENTY
     )
     session.receive(hello, 0.0)
     while session.next_action() is not None:

@@ -25,14 +25,12 @@ SEGMENTS = 36
 
 def _payloads() -> list[bytes]:
     """Make what the scene `big` holds, from its formula."""
-    from server.grid_scene import SCALES, SIDE, STEP_M, tile_mesh
+    from server.grid_scene import SCALES, SIDE, STEP_M, shuffled, tile_mesh
 
-    from terraport_payload import encode_glb
+    from terraport_payload import encode_segment
 
     return [
-        encode_glb(
-            tile_mesh(row, column, 80), step_m=STEP_M, attribute_scales=SCALES, compress=False
-        )
+        encode_segment(shuffled(tile_mesh(row, column, 80)), step_m=STEP_M, scales=SCALES)
         for row in range(SIDE)
         for column in range(SIDE)
     ]
@@ -70,7 +68,13 @@ async def check_groups(url: str, token: str, servers: list[Container]) -> None:
     """All connections of one group reach one replica, whatever the name; groups spread."""
     address = url.replace("https", "wss") + "/scenes/big/stream?group="
     hello = encode(
-        Hello(protocol=(1, 0), client="verify", encoding="glb", budgets=Budgets(), credit_bytes=0)
+        Hello(
+            protocol=(1, 0),
+            client="verify",
+            encoding="segment-2",
+            budgets=Budgets(),
+            credit_bytes=0,
+        )
     )
     homes = set()
     for name in ("north", "south", "east", "west", "up", "down"):

@@ -98,7 +98,7 @@ class DrainClient:
             Hello(
                 protocol=(1, 0),
                 client="trial",
-                encoding="glb",
+                encoding="segment-2",
                 budgets=Budgets(),
                 credit_bytes=credit_bytes,
                 **fields,

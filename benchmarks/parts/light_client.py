@@ -180,7 +180,7 @@ class LightClient:
             Hello(
                 protocol=(1, 0),
                 client="trial",
-                encoding="glb",
+                encoding="segment-2",
                 budgets=Budgets(),
                 credit_bytes=self._credit_bytes,
                 held=table,

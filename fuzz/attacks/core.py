@@ -70,7 +70,7 @@ def make_view(seed: int) -> SceneView:
         id="fuzz",
         version="v",
         name="Fuzz",
-        encodings={"glb": table},
+        encodings={"segment-2": table},
         within=lambda _centre, _radius_m: np.arange(SEGMENTS, dtype=np.int64),
     )
 

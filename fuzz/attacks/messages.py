@@ -137,7 +137,7 @@ def sensible_hello(draw: random.Random, segments: int) -> Hello:
     return Hello(
         protocol=draw.choice([(1, 0), (1, 7), (1, 0), (2, 0)]) if draw.random() < 0.1 else (1, 0),
         client="fuzz",
-        encoding="glb",
+        encoding="segment-2",
         budgets=Budgets(
             max_segments=draw.choice([None, 0, 5]), max_bytes=draw.choice([None, 9999])
         ),

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from parts.random_scene import TILE_M, base_glb, scene_info
 
-from terraport_payload import Cover, SegmentMesh, encode_glb
+from terraport_payload import Cover, SegmentMesh, encode_segment
 from terraport_store import SceneWriter
 
 __all__ = ["EDGE_M", "SEGMENTS", "SIDE", "write_small_scene"]
@@ -29,7 +29,7 @@ def write_small_scene(path: Path) -> None:
             mesh = SegmentMesh(
                 positions=(square + corner) * np.float32(TILE_M), faces=faces, normals=normals
             )
-            writer.add_segment(encode_glb(mesh, step_m=2.0**-10, attribute_scales={}), region=0)
+            writer.add_segment(encode_segment(mesh, step_m=2.0**-10, scales={}), region=0)
         offsets = np.array([0, 0], dtype=np.uint32)
         writer.set_base(base_glb(), Cover(offsets, np.zeros(0, dtype=np.uint32)))
         writer.publish(scene_info("fuzz"))

@@ -81,7 +81,7 @@ def half_messages(port: int, scene: str, _token: str, going: Going, address: str
 def wrong_hellos(port: int, scene: str, _token: str, going: Going, address: str) -> int:
     """Say a hello with a wrong token, read the refusal, and come again at once."""
     hello = {"type": "hello", "protocol": [1, 0], "client": "x", "token": "y" * 40}
-    hello |= {"encoding": "glb", "budgets": {}, "credit_bytes": 0}
+    hello |= {"encoding": "segment-2", "budgets": {}, "credit_bytes": 0}
     data = upgrade_request(scene) + frame(BINARY, msgpack.packb(hello))
     return _cycle(port, data, going, address)
 

@@ -31,7 +31,16 @@ from terraport_payload.meshcheck import check_mesh
 from terraport_payload.texture import MAX_IMAGE_BYTES, Texture
 from terraport_payload.types import AnyInt, Bool, Float32, Int32, Int64, UInt8, UInt16, UInt32
 
-__all__ = ["MAX_STREAM_BYTES", "decode_segment", "encode_segment"]
+__all__ = [
+    "MAX_ATTRIBUTES",
+    "MAX_STREAM_BYTES",
+    "decode_segment",
+    "encode_segment",
+    "segment_texture",
+]
+
+MAX_ATTRIBUTES: Final = 32
+"""Attributes of a scene: a segment has a bit for each."""
 
 MAX_STREAM_BYTES: Final = 1 << 28
 """Of the planes, not compressed: 16 million vertices. Bounds what a few bytes can become."""
@@ -43,7 +52,6 @@ _COLOURS, _UVS, _REGIONS = 1, 2, 4
 _IMAGES: Final = ("image/jpeg", "image/png", "image/webp", "image/ktx2")
 _POLE: Final = 127
 _TEXTURED_NORMAL_STEP: Final = 4
-_MOST_ATTRIBUTES: Final = 32
 _NO_REGION: Final = 0xFFFF
 
 
@@ -74,10 +82,10 @@ def encode_segment(
     """
     check_mesh(mesh)
     names = list(scales)
-    if len(names) > _MOST_ATTRIBUTES or not set(mesh.attributes) <= set(names):
+    if len(names) > MAX_ATTRIBUTES or not set(mesh.attributes) <= set(names):
         raise PayloadError(
             f"attributes {sorted(mesh.attributes)}, expected some of the scene's {names}, of which "
-            f"there may be {_MOST_ATTRIBUTES}"
+            f"there may be {MAX_ATTRIBUTES}"
         )
     # (1) Faces as strips; vertices are numbered by their first use.
     corners, starts, lefts = _strips(mesh.faces.astype(np.int64))
@@ -131,7 +139,7 @@ def encode_segment(
 
 
 def decode_segment(
-    data: bytes | memoryview, *, scales: Mapping[str, AttributeScale]
+    data: bytes | memoryview, *, scales: Mapping[str, AttributeScale] | None
 ) -> SegmentMesh:
     """Decode one segment.
 
@@ -139,8 +147,8 @@ def decode_segment(
     ----------
     data : bytes or memoryview
         The whole segment.
-    scales : mapping of str to AttributeScale
-        As for :func:`encode_segment`.
+    scales : mapping of str to AttributeScale, or None
+        As for :func:`encode_segment`; None leaves all attributes out.
 
     Returns
     -------
@@ -153,18 +161,8 @@ def decode_segment(
         For anything that is not a whole segment: never another exception, whatever the bytes.
     """
     # (1) The two parts, and their checksums.
-    view = memoryview(data)
-    if len(view) < _OUTER.size:
-        raise PayloadError(f"{len(view)} bytes, expected at least {_OUTER.size}", offset=0)
-    magic, packed_bytes, image_bytes = _OUTER.unpack_from(view)
-    if magic != _MAGIC:
-        raise PayloadError(f"magic {magic!r}, expected {_MAGIC!r}", offset=0)
-    if _OUTER.size + packed_bytes + image_bytes != len(view) or image_bytes > MAX_IMAGE_BYTES:
-        raise PayloadError(
-            f"{len(view)} bytes, expected {_OUTER.size} + {packed_bytes} + {image_bytes}", offset=4
-        )
-    planes = _Planes(view[_OUTER.size : _OUTER.size + packed_bytes])
-    image = bytes(view[_OUTER.size + packed_bytes :])
+    packed, image_view = _parts(data)
+    planes, image = _Planes(packed), bytes(image_view)
     (
         vertices, faces, x, y, z, exponent, flags, kind, region, width, height, mask, crc,
     ) = _HEAD.unpack(planes.take(_HEAD.size))  # fmt: skip
@@ -204,11 +202,15 @@ def decode_segment(
     elif region != _NO_REGION:
         regions = np.full(vertices, region, np.uint16)
     attributes = {}
-    for bit, (name, scale) in enumerate(scales.items()):
+    known = [] if scales is None else list(scales.items())
+    if scales is not None and mask >> len(known):
+        raise PayloadError(f"attributes {mask:#x}, expected some of the scene's {len(known)}")
+    for bit in range(mask.bit_length()):
         if mask >> bit & 1:
-            attributes[name] = decode_attribute(planes.differences(vertices, 2), scale)
-    if mask >> len(scales):
-        raise PayloadError(f"attributes {mask:#x}, expected some of the scene's {len(scales)}")
+            codes = planes.differences(vertices, 2)
+            if scales is not None:
+                name, scale = known[bit]
+                attributes[name] = decode_attribute(codes, scale)
     if planes.left:
         raise PayloadError(f"{planes.left} bytes behind the last plane, expected none")
     mesh = SegmentMesh(
@@ -217,6 +219,47 @@ def decode_segment(
     )  # fmt: skip
     check_mesh(mesh)
     return mesh
+
+
+def segment_texture(data: bytes | memoryview) -> tuple[int, int, int]:
+    """Read what the index says of a segment's texture, without decoding anything.
+
+    Parameters
+    ----------
+    data : bytes or memoryview
+        The whole segment.
+
+    Returns
+    -------
+    (int, int, int)
+        Width and height of the image, pixels, and what a GPU keeps of a texel, bits; zeros without
+        a texture.
+
+    Raises
+    ------
+    PayloadError
+        When it is not a whole segment, or its image is not what a segment may have.
+    """
+    _, image = _parts(data)
+    if not len(image):
+        return 0, 0, 0
+    texture = Texture.of(bytes(image))
+    return texture.width, texture.height, texture.bits
+
+
+def _parts(data: bytes | memoryview) -> tuple[memoryview, memoryview]:
+    """Split a segment into gzip stream and image."""
+    view = memoryview(data)
+    if len(view) < _OUTER.size:
+        raise PayloadError(f"{len(view)} bytes, expected at least {_OUTER.size}", offset=0)
+    magic, packed_bytes, image_bytes = _OUTER.unpack_from(view)
+    if magic != _MAGIC:
+        raise PayloadError(f"magic {magic!r}, expected {_MAGIC!r}", offset=0)
+    if _OUTER.size + packed_bytes + image_bytes != len(view) or image_bytes > MAX_IMAGE_BYTES:
+        raise PayloadError(
+            f"{len(view)} bytes, expected {_OUTER.size} + {packed_bytes} + {image_bytes}", offset=4
+        )
+    return view[_OUTER.size : _OUTER.size + packed_bytes], view[_OUTER.size + packed_bytes :]
 
 
 class _Planes:

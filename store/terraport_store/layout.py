@@ -77,11 +77,11 @@ REGIONS: Final = "regions.json"
 MAX_LEVELS: Final = 2
 """Payloads of a segment: its detail, and one coarser level."""
 
-ENCODING: Final = "glb"
-"""How payloads are encoded that are written."""
+ENCODING: Final = "segment-2"
+"""Encoding of the payloads: segment format 2."""
 
-MEDIA_TYPE: Final = "model/gltf-binary"
-"""Of a payload."""
+MEDIA_TYPE: Final = "application/vnd.terraport.segment"
+"""Media type of a payload."""
 
 PACK: Final = "segments.pack"
 INDEX: Final = "segments.idx"
@@ -131,7 +131,7 @@ def pack_header(encoding: str) -> bytes:
 
     Examples
     --------
-    >>> len(pack_header("glb"))
+    >>> len(pack_header("segment-2"))
     64
     """
     return _PACK.pack(_PACK_MAGIC, 1, 0, PACK_HEADER_BYTES, ALIGNMENT, encoding.encode("ascii"))

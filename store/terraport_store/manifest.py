@@ -15,9 +15,17 @@ import numpy as np
 import pydantic
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator
 
+from terraport_payload import AttributeScale
+from terraport_payload.segment_format import MAX_ATTRIBUTES
 from terraport_payload.types import AnyFloat, Float64
 from terraport_store.errors import DamagedSceneError
-from terraport_store.layout import FORMAT_VERSION, MANIFEST_NAME, MAX_LEVELS, MAX_MANIFEST_BYTES
+from terraport_store.layout import (
+    ENCODING,
+    FORMAT_VERSION,
+    MANIFEST_NAME,
+    MAX_LEVELS,
+    MAX_MANIFEST_BYTES,
+)
 
 __all__ = [
     "EAST_NORTH_UP",
@@ -251,7 +259,7 @@ class Manifest(_Frozen):
     step_m: Annotated[float, Field(gt=0, allow_inf_nan=False)]
     bounds: Bounds
     encodings: dict[str, EncodingInfo]
-    attributes: tuple[AttributeInfo, ...] = ()
+    attributes: Annotated[tuple[AttributeInfo, ...], Field(max_length=MAX_ATTRIBUTES)] = ()
     counts: Counts
     has_colour: bool
     """Whether every segment has vertex colours, and the base those or a texture; false, too, where
@@ -264,12 +272,10 @@ class Manifest(_Frozen):
     build: BuildInfo
     files: dict[str, FileInfo]
 
-    @field_validator("encodings")
-    @classmethod
-    def _has_glb(cls, encodings: dict[str, EncodingInfo]) -> dict[str, EncodingInfo]:
-        if "glb" not in encodings:
-            raise ValueError(f"encodings are {sorted(encodings)}, expected glb among them")
-        return encodings
+    @property
+    def scales(self) -> dict[str, AttributeScale]:
+        """Scales of the attributes, in the order of the segments' masks."""
+        return {info.name: AttributeScale(info.offset, info.step) for info in self.attributes}
 
     @property
     def folder(self) -> str:
@@ -371,3 +377,11 @@ def _check_format(document: Any) -> None:
     version = document.get("format_version")
     if not isinstance(version, str) or version.partition(".")[0] != "1":
         raise DamagedSceneError(MANIFEST_NAME, f"format_version {version!r}, expected 1.x")
+    encodings = document.get("encodings")
+    if isinstance(encodings, Mapping) and ENCODING not in encodings:
+        names = ", ".join(sorted(encodings)) or "nothing"
+        raise DamagedSceneError(
+            MANIFEST_NAME,
+            f"segments are stored as {names}, expected {ENCODING}; build the scene again with this "
+            "version",
+        )

@@ -18,7 +18,7 @@ from typing import Any, Final, Self
 import numpy as np
 import xxhash
 
-from terraport_payload import Cover
+from terraport_payload import Cover, SegmentMesh, decode_segment
 from terraport_payload.cover import MAX_COVER_BYTES
 from terraport_payload.types import Int64
 from terraport_store.errors import (
@@ -31,6 +31,7 @@ from terraport_store.index import SegmentIndex
 from terraport_store.layout import (
     BASE,
     COVER,
+    ENCODING,
     MANIFEST_NAME,
     MAX_INDEX_BYTES,
     MAX_REGIONS_BYTES,
@@ -72,7 +73,7 @@ class Scene:
         regions, but no packs, that goes when this is closed.
     manifest : Manifest
     rows : SegmentIndex
-        Of the ``glb`` encoding, payloads of all levels: that of segment s at level k is row
+        Payloads of all levels in segment format 2: that of segment s at level k is row
         ``k * S + s``. Bounds and counts are the same in all encodings.
     index : SegmentIndex
         The S segments at full detail: the first of ``rows``.
@@ -92,7 +93,7 @@ class Scene:
         self.files = files
         self.path = copy.path
         self.manifest = manifest
-        self.rows = indexes["glb"]
+        self.rows = indexes[ENCODING]
         self.index = self.rows.first(manifest.counts.segments)
         self.cover = cover
         self._indexes = indexes
@@ -244,7 +245,12 @@ class Scene:
         return self.spatial.within(centre, radius_m)
 
     def payload(
-        self, segment_id: int, encoding: str = "glb", verify: bool = True, *, recheck: bool = False
+        self,
+        segment_id: int,
+        encoding: str = ENCODING,
+        verify: bool = True,
+        *,
+        recheck: bool = False,
     ) -> bytes | memoryview:
         """Read one segment's payload.
 
@@ -289,6 +295,17 @@ class Scene:
                 raise CorruptPayloadError(segment_id, offset, expected, actual, file=pack)
         return data
 
+    def mesh(self, segment_id: int, *, recheck: bool = False) -> SegmentMesh:
+        """Read and decode one segment; parameters and errors as for :meth:`payload`.
+
+        Raises
+        ------
+        PayloadError
+            When the payload is not a whole segment.
+        """
+        data = self.payload(segment_id, recheck=recheck)
+        return decode_segment(data, scales=self.manifest.scales)
+
     def compare(self, segment_id: int, encoding: str, data: bytes | memoryview) -> bool:
         """Compare a whole payload that the caller has read with its hash, as :meth:`payload` does.
 
@@ -302,7 +319,7 @@ class Scene:
         expected, actual = self._compare(segment_id, encoding, data)
         return actual == expected
 
-    def is_verified(self, segment_id: int, encoding: str = "glb") -> bool:
+    def is_verified(self, segment_id: int, encoding: str = ENCODING) -> bool:
         """Tell whether :meth:`payload` found the segment's hash right when it last looked.
 
         True always where nothing is handed out unchecked: see :meth:`payload_range`.
@@ -317,7 +334,7 @@ class Scene:
         verified = bool(self._verified[encoding][segment_id])
         return verified or self._sources[encoding].checks_hashes
 
-    def distrust(self, segment_id: int, encoding: str = "glb") -> None:
+    def distrust(self, segment_id: int, encoding: str = ENCODING) -> None:
         """Let the next :meth:`payload` compare the hash again; raises as :meth:`is_verified`."""
         self._verified[encoding][segment_id] = False
         self._sources[encoding].distrust(*self._payload_range(segment_id, encoding))

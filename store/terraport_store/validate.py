@@ -24,6 +24,7 @@ from terraport_store.labelling import read_labels
 from terraport_store.layout import (
     ALIGNMENT,
     BASE,
+    ENCODING,
     LABELS,
     MANIFEST_NAME,
     MAX_MANIFEST_BYTES,
@@ -209,7 +210,7 @@ class _SceneCheck:
                     self.out.error(
                         "index-agreement",
                         path,
-                        f"{column} differ from the glb index, expected equal",
+                        f"{column} differ from the {ENCODING} index, expected equal",
                     )
             self.padding(scene, name)
         # (4) Each level has the boxes of the segments.
@@ -220,7 +221,7 @@ class _SceneCheck:
         if len(regions):
             self.out.error(
                 "region",
-                manifest.files[manifest.encodings["glb"].index].path,
+                manifest.files[manifest.encodings[ENCODING].index].path,
                 f"region {int(rows.region[regions[0]])}, expected below {counts.regions}",
                 segment=int(regions[0]),
             )
@@ -237,7 +238,7 @@ class _SceneCheck:
     def levels(self, scene: Scene) -> None:
         """Check that what decides which level is shown is the same for all of a segment's."""
         manifest, count = scene.manifest, len(scene.index)
-        path = manifest.files[manifest.encodings["glb"].index].path
+        path = manifest.files[manifest.encodings[ENCODING].index].path
         for level in range(1, manifest.levels):
             boxes = scene.rows.bounds[level * count : (level + 1) * count]
             for segment in np.flatnonzero((boxes != scene.index.bounds).any(axis=1)):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from terraport_payload import PayloadError, SegmentMesh, decode_glb
+from terraport_payload import PayloadError, SegmentMesh
 from terraport_payload.grid import grid_codes
 from terraport_payload.types import Float32, Float64
 from terraport_store.errors import CorruptPayloadError, RangeError
 from terraport_store.findings import Findings
-from terraport_store.layout import MAX_SEGMENT_SIDE
+from terraport_store.layout import ENCODING, MAX_SEGMENT_SIDE
 from terraport_store.manifest import AttributeInfo, Manifest
 from terraport_store.opening import largest_texture
 from terraport_store.reader import Scene
@@ -30,7 +30,7 @@ def check_segment(out: Findings, scene: Scene, segment: int) -> None:
         Segment id, or the row of a coarser level.
     """
     manifest, index = scene.manifest, scene.rows
-    file = manifest.files[manifest.encodings["glb"].pack].path
+    file = manifest.files[manifest.encodings[ENCODING].pack].path
     mesh = _decoded(out, scene, segment)
     if mesh is None:
         return
@@ -156,15 +156,6 @@ def check_mesh_fits(
             f"region {int(mesh.region_ids.max())}, expected below {manifest.counts.regions}",
             segment=segment,
         )
-    # An attribute without a value at any vertex may be left out: section 9 of the format.
-    names = {info.name for info in manifest.attributes}
-    if segment is not None and not set(mesh.attributes) <= names:
-        out.error(
-            "attributes",
-            file,
-            f"attributes {sorted(mesh.attributes)}, expected some of {sorted(names)} by scene.json",
-            segment=segment,
-        )
     for info in manifest.attributes:
         _check_range(out, info, mesh, file, segment)
 
@@ -200,9 +191,9 @@ def _check_texture(
 
 
 def _decoded(out: Findings, scene: Scene, segment: int) -> SegmentMesh | None:
-    file = scene.manifest.files[scene.manifest.encodings["glb"].pack].path
+    file = scene.manifest.files[scene.manifest.encodings[ENCODING].pack].path
     try:
-        return decode_glb(scene.payload(segment))
+        return scene.mesh(segment)
     except CorruptPayloadError as error:
         out.error("payload-hash", file, error.what, segment=segment, offset=error.offset)
     except PayloadError as error:

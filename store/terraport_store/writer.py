@@ -3,8 +3,8 @@
 ::
 
     with SceneWriter(directory) as writer:
-        for glb in payloads:                       # in Morton or Hilbert order
-            writer.add_segment(glb, region=region)
+        for payload in payloads:                   # in Morton or Hilbert order
+            writer.add_segment(payload, region=region)
         # where there are two levels, the coarser one of each segment now, in the same order
         writer.set_base(base_glb, cover)
         writer.set_regions(facts)
@@ -28,8 +28,8 @@ import numpy as np
 import xxhash
 from pydantic import JsonValue
 
-from terraport_payload import Cover, decode_glb
-from terraport_payload.glb_texture import gpu_texture_of
+from terraport_payload import Cover, decode_glb, decode_segment
+from terraport_payload.segment_format import segment_texture
 from terraport_store.assembly import MeshShape, SceneInfo, assemble_manifest
 from terraport_store.errors import PublishError
 from terraport_store.index import SegmentIndex
@@ -113,7 +113,7 @@ class SceneWriter:
 
     def add_segment(
         self,
-        glb: bytes,
+        payload: bytes,
         *,
         region: int,
         region_count: int = 1,
@@ -126,8 +126,8 @@ class SceneWriter:
 
         Parameters
         ----------
-        glb : bytes
-            From ``encode_glb``.
+        payload : bytes
+            From ``encode_segment``.
         region : int
             Id of the region with most faces in the segment.
         region_count : int, optional
@@ -136,11 +136,11 @@ class SceneWriter:
             x, y, z minimum and maximum of the **decoded** (grid-snapped) positions, metres, scene
             frame.
         vertices, faces : int, optional
-            Counts. When any of bounds, vertices and faces is left out, all are read from the GLB (2
-            ms per 10 k faces).
+            Counts. When any of bounds, vertices and faces is left out, all are decoded (2 ms
+            per 10 k faces).
         texture : (int, int, int), optional
             Width and height of its image, pixels, and what a GPU keeps of a texel, bits; zeros
-            without one. When it is left out, it is read from the GLB's JSON (20 us).
+            without one. When it is left out, it is read from the image's header (2 us).
 
         Returns
         -------
@@ -152,20 +152,20 @@ class SceneWriter:
         OutOfSpaceError
             When the disk is full; everything written so far is deleted.
         PayloadError
-            When the GLB has to be decoded and cannot be.
+            When the payload has to be read and cannot be.
         PublishError
             When a payload is empty, or the writer is closed.
         """
         self._require_open()
         if bounds is None or vertices is None or faces is None:
-            shape = MeshShape.of(decode_glb(glb))
+            shape = MeshShape.of(decode_segment(payload, scales=None))
         else:
             shape = MeshShape(tuple(float(value) for value in bounds), vertices, faces)
         with self._aborting():
             assert self._pack is not None
-            self._pack.append(glb)
+            self._pack.append(payload)
         self._shapes.append(shape)
-        self._textures.append(gpu_texture_of(glb) if texture is None else texture)
+        self._textures.append(segment_texture(payload) if texture is None else texture)
         self._regions.append((region, region_count))
         return len(self._shapes) - 1
 

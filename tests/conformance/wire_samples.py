@@ -32,7 +32,7 @@ _ROWS = [
 ]
 
 MINIMAL: tuple[m.Message, ...] = (
-    m.Hello(protocol=(1, 0), client="", encoding="glb", budgets=m.Budgets(), credit_bytes=0),
+    m.Hello(protocol=(1, 0), client="", encoding="segment-2", budgets=m.Budgets(), credit_bytes=0),
     m.Aim(generation=0, position=(0.0, 0.0, 0.0), radius_m=0.5),
     m.Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=60.0),
     m.Credit(bytes=1),
@@ -90,7 +90,7 @@ FULL: tuple[m.Message, ...] = (
         protocol=(1, 3),
         client="terraport-python/0.1.0 (Größe ✓ 𝄞)",
         token="eyJhbGciOiJIUzI1NiJ9.e30.abc-_",
-        encoding="glb",
+        encoding="segment-2",
         budgets=_BUDGETS,
         credit_bytes=8_388_608,
         release_factor=1.25,

@@ -21,7 +21,6 @@ import pytest
 from command_line import Built, run_terraport
 
 import terraport.sync
-from terraport_payload import decode_glb
 from terraport_pipeline.model import to_scene
 from terraport_server.background_server import BackgroundServer
 from terraport_store import Scene, read_names, validate_scene
@@ -81,7 +80,7 @@ def inner_places(scene: Path) -> dict[int, list[float]]:
             number = names.stable_id(int(opened.index.region[segment]))
             if number is None or number in points:
                 continue
-            mesh = decode_glb(opened.payload(segment))
+            mesh = opened.mesh(segment)
             centres = mesh.positions[mesh.faces].astype(float).mean(axis=1)
             middle = np.abs(centres - np.median(centres, axis=0)).sum(axis=1).argmin()
             x, y, z = centres[middle]

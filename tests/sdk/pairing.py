@@ -14,7 +14,7 @@ from store.tiny_scene import SCALES, STEP_M, lattice_mesh
 from terraport.cache import CachedSegment, SegmentCache
 from terraport.events import Event, RestoreNeeded, SegmentArrived
 from terraport.session import ClientSession, SessionOptions
-from terraport_payload import encode_glb
+from terraport_payload import encode_segment
 from terraport_server.session.interface import (
     Close,
     GroupPort,
@@ -64,7 +64,7 @@ class ToyScene:
         self.bounds = np.concatenate([low, low + np.array([1, 0, 1])], axis=1).astype(np.float32)
         rows = count * levels
         self.payloads = payloads or [
-            _glb(int(size), number)
+            _payload(int(size), number)
             for number, size in enumerate(random.integers(1, 2 * cells, rows))
         ]
         hashes = [xxhash.xxh3_64_intdigest(payload) for payload in self.payloads]
@@ -80,7 +80,11 @@ class ToyScene:
             levels=levels,
         )
         self.view = SceneView(
-            id="toy", version=version, name="toy", encodings={"glb": table}, within=self.within
+            id="toy",
+            version=version,
+            name="toy",
+            encodings={"segment-2": table},
+            within=self.within,
         )
 
     def within(self, centre: Iterable[float], radius_m: float) -> np.ndarray:
@@ -92,9 +96,9 @@ class ToyScene:
 
 
 @cache
-def _glb(cells: int, seed: int) -> bytes:
-    """A small GLB; another seed, another hash."""
-    return encode_glb(lattice_mesh(0, 0, cells, seed=seed), step_m=STEP_M, attribute_scales=SCALES)
+def _payload(cells: int, seed: int) -> bytes:
+    """A small segment; another seed, another hash."""
+    return encode_segment(lattice_mesh(0, 0, cells, seed=seed), step_m=STEP_M, scales=SCALES)
 
 
 @dataclass

@@ -189,7 +189,7 @@ ERRORS = [
     (["land", "http://127.0.0.1:9", "0", "0"], 2, "z"),
     (["land", "http://127.0.0.1:9", "0", "0", "up"], 2, "z"),
     (["land", "http://h/scenes/x", "0", "0", "0", "--radus", "3"], 2, "--radus"),
-    (["land", "http://h/scenes/x", "0", "0", "0", "--encoding", "glb"], 2, "--encoding"),
+    (["land", "http://h/scenes/x", "0", "0", "0", "--encoding", "segment-2"], 2, "--encoding"),
     (["land", "http://h/scenes/x", "0", "0", "0", "--glb", "/no/where.glb"], 2, "/no"),
     (["land", "http://h/scenes/x", "0", "0", "0", "--timeout", "-1"], 2, "plan_s is -1"),
 ]

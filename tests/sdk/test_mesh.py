@@ -43,7 +43,7 @@ def test_what_is_printed_is_short_and_says_what_there_is(base: BaseMesh) -> None
         f"<BaseMesh of version v: {base.mesh!r}, <Cover of 32 faces by 32 entries>>"
     )
     facts = SegmentFacts(12, 2048, 7, 32, 25, (0, 0, 0, 1, 1, 1))
-    segment = Segment(CachedSegment(facts, bytes(2048)), "stream")
+    segment = Segment(CachedSegment(facts, bytes(2048)), "stream", {})
     assert repr(segment) == "<Segment 12: 32 faces, 25 vertices, 2,048 bytes, from stream>"
 
 

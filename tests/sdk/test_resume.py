@@ -89,7 +89,7 @@ def test_more_than_one_table_takes() -> None:
     """50,000 segments on disk: hello takes 32,768 rows, held the rest, and a landing is free."""
     count = 50_000
     scene = make_scene(count)
-    hashes = scene.encodings["glb"].hashes.tolist()
+    hashes = scene.encodings["segment-2"].hashes.tolist()
     on_disk = dict(enumerate(hashes))
     on_disk[7] += 1  # one that is not of this version
     on_disk[49_999] += 1

@@ -16,7 +16,7 @@ from terraport.events import (
     Ready,
     SegmentRejected,
 )
-from terraport_payload import encode_glb
+from terraport_payload import encode_segment
 from terraport_wire import (
     Direction,
     Evict,
@@ -147,10 +147,10 @@ def test_the_disk_answers_for_what_memory_has_lost(toy: ToyScene) -> None:
 def test_what_the_disk_has_lost_is_sent_again_in_the_same_landing(toy: ToyScene) -> None:
     """Facts of a segment that is asked for by hash alone come from its payload."""
     disk = FakeDisk()
-    glb = encode_glb(lattice_mesh(0, 0), step_m=STEP_M, attribute_scales=SCALES)
-    toy.payloads[0] = glb
-    toy.lengths[0] = len(glb)
-    toy.hashes[0] = xxhash.xxh3_64_intdigest(glb)
+    payload = encode_segment(lattice_mesh(0, 0), step_m=STEP_M, scales=SCALES)
+    toy.payloads[0] = payload
+    toy.lengths[0] = len(payload)
+    toy.hashes[0] = xxhash.xxh3_64_intdigest(payload)
     first = Pair(toy, disk=disk)
     first.connect()
     first.client.land((0, 0, 0), 0.5)

@@ -15,8 +15,9 @@ from terraport_payload import (
     AttributeScale,
     Cover,
     SegmentMesh,
-    decode_glb,
+    decode_segment,
     encode_glb,
+    encode_segment,
     gltf_attribute_name,
 )
 from terraport_pipeline.engines.coarser import coarser
@@ -73,12 +74,22 @@ def tile_mesh(row: int, column: int, cells: int, *, seed: int = 0, tiles: int = 
     )
 
 
+def shuffled(mesh: SegmentMesh) -> SegmentMesh:
+    """The mesh with faces in random order and random colours: a payload of 12 bytes a face."""
+    random = np.random.default_rng(1)
+    return replace(
+        mesh,
+        faces=mesh.faces[random.permutation(len(mesh.faces))],
+        colours=random.integers(0, 256, mesh.positions.shape, dtype=np.uint8),
+    )
+
+
 def write_grid_scene(
     path: Path,
     *,
     seed: int = 0,
     cells: int = 12,
-    compress: bool = True,
+    large: bool = False,
     name: str = "grid",
     stable_ids: tuple[int, ...] | None = None,
     survey_units: SurveyUnits | None = None,
@@ -86,29 +97,26 @@ def write_grid_scene(
 ) -> GridScene:
     """Publish a grid of SIDE x SIDE segments; another seed is another version.
 
-    With three ``stable_ids`` the regions have them, and the next one is 10. With two ``levels`` the
+    Payloads are ``large`` where transfers must last: meshes as :func:`shuffled` makes them. With
+    three ``stable_ids`` the regions have them, and the next one is 10. With two ``levels`` the
     payloads of the coarser one stand behind those of the segments.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     meshes = [
         tile_mesh(row, column, cells, seed=seed) for row in range(SIDE) for column in range(SIDE)
     ]
-    payloads = [
-        encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES, compress=compress)
-        for mesh in meshes
-    ]
-    payloads += [
-        encode_glb(coarser(mesh), step_m=STEP_M, attribute_scales=SCALES, compress=compress)
-        for mesh in meshes * (levels - 1)
-    ]
+    meshes += [coarser(mesh) for mesh in meshes * (levels - 1)]
+    if large:
+        meshes = [shuffled(mesh) for mesh in meshes]
+    payloads = [encode_segment(mesh, step_m=STEP_M, scales=SCALES) for mesh in meshes]
+    decoded = [decode_segment(payload, scales=SCALES) for payload in payloads]
     base = tile_mesh(0, 0, SIDE, seed=seed, tiles=SIDE)
     with SceneWriter(path) as writer:
-        for number, glb in enumerate(payloads):
-            segment = number % len(meshes)
-            box = decode_glb(payloads[segment]).positions
-            mesh = decode_glb(glb)
+        for number, (payload, mesh) in enumerate(zip(payloads, decoded, strict=True)):
+            segment = number % (SIDE * SIDE)
+            box = decoded[segment].positions
             writer.add_segment(
-                glb,
+                payload,
                 region=segment // SIDE % 3,
                 bounds=[*box.min(axis=0), *box.max(axis=0)],
                 vertices=len(mesh.positions),
@@ -121,7 +129,7 @@ def write_grid_scene(
         writer.set_regions(_regions(stable_ids))
         info = replace(_info(name, seed), survey_units=survey_units, levels=levels)
         manifest = writer.publish(info)
-    return GridScene(path, manifest, payloads, [decode_glb(glb) for glb in payloads])
+    return GridScene(path, manifest, payloads, decoded)
 
 
 def _regions(stable_ids: tuple[int, ...] | None) -> dict[str, Any]:

@@ -127,7 +127,7 @@ def make_hello(**fields: Any) -> Hello:
     defaults: dict[str, Any] = {
         "protocol": (1, 0),
         "client": "tests",
-        "encoding": "glb",
+        "encoding": "segment-2",
         "budgets": Budgets(),
         "credit_bytes": PLENTY,
     }

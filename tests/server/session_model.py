@@ -45,7 +45,7 @@ from terraport_wire import (
 )
 
 
-def make_scene(count: int = 12, *, length: int = 1000, encoding: str = "glb") -> SceneView:
+def make_scene(count: int = 12, *, length: int = 1000, encoding: str = "segment-2") -> SceneView:
     """Unit boxes at x = 0, 10, 20, ...; segment s has length + s bytes and 10 faces."""
     bounds = np.zeros((count, 6), dtype=np.float32)
     bounds[:, 0] = 10.0 * np.arange(count)

@@ -85,7 +85,7 @@ def test_an_encoding_that_the_scene_lacks() -> None:
     client = make_client(make_scene(encoding="later"), greet=False)
     client.tell(make_hello())
     error = assert_fatal(client, ErrorCode.UNSUPPORTED_ENCODING, CloseCode.VERSION)
-    assert error.message == "got encoding glb, expected one of: later"
+    assert error.message == "got encoding segment-2, expected one of: later"
 
 
 def test_a_radius_too_large_is_refused_and_the_open_landing_goes_on() -> None:

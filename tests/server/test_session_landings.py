@@ -311,13 +311,13 @@ def test_the_nearest_that_is_due_goes_next_also_after_rejects_and_resume(
     # A landing of a client that offers what it kept.
     scene = make_scene(COUNT, length=200_000)  # two chunks each
     client = make_client(scene, greet=False)
-    hashes = scene.encodings["glb"].hashes
+    hashes = scene.encodings["segment-2"].hashes
     offer = [(segment, int(hashes[segment])) for segment in sorted(kept)]
     client.greet(held=np.array(offer, dtype=HELD_DTYPE))  # as after a reconnect
     client.tell(land(1, float(x), float(radius), inner_radius_m=min(5.0, radius)))
     (plan,) = client.run(most=1)
     # The model: what is due goes by distance, then by id, and what has begun goes on first.
-    distances = box_distances_m(scene.encodings["glb"].bounds, (float(x), 0.0, 0.0))
+    distances = box_distances_m(scene.encodings["segment-2"].bounds, (float(x), 0.0, 0.0))
     rank: Callable[[int], tuple[float, int]] = lambda s: (float(distances[s]), s)  # noqa: E731
     due = set(plan.load["id"].tolist())
     in_plan = due | set(plan.keep.tolist())

@@ -41,7 +41,7 @@ def flip(path: Path, segment: int, *, at: int = 40) -> None:
     """Flip one bit of one segment's payload in the pack, in place."""
     with Scene.open(path) as scene:
         offset = int(scene.index.offset[segment]) + at
-        pack = scene.file_path(scene.manifest.encodings["glb"].pack)
+        pack = scene.file_path(scene.manifest.encodings["segment-2"].pack)
     with pack.open("r+b") as file:
         file.seek(offset)
         byte = file.read(1)[0]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from server.grid_scene import SCALES, STEP_M, GridScene, tile_mesh, write_grid_scene
 
-from terraport_payload import encode_glb
+from terraport_payload import encode_glb, encode_segment
 from terraport_store import PublishError, Scene, SceneWriter, validate_scene
 
 
@@ -43,18 +43,18 @@ def test_a_level_with_another_border_or_box_is_told(tmp_path: Path, two: GridSce
     count = two.manifest.counts.segments
     with Scene.open(two.path) as scene, SceneWriter(tmp_path / "bad") as writer:
         for row in range(2 * count):
-            glb, box = bytes(scene.payload(row)), scene.rows.bounds[row].tolist()
+            payload, box = bytes(scene.payload(row)), scene.rows.bounds[row].tolist()
             mesh = two.meshes[row]
             if row == count + 3:
                 positions = mesh.positions.copy()
                 corner = int(np.lexsort((positions[:, 2], positions[:, 0]))[0])
                 positions[corner, 0] += STEP_M
                 mesh = replace(mesh, positions=positions)
-                glb = encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES)
+                payload = encode_segment(mesh, step_m=STEP_M, scales=SCALES)
             if row == count + 5:
                 box[4] += 1.0
             writer.add_segment(
-                glb,
+                payload,
                 region=int(scene.rows.region[row]),
                 bounds=box,
                 vertices=len(mesh.positions),
@@ -73,8 +73,8 @@ def test_a_level_with_another_border_or_box_is_told(tmp_path: Path, two: GridSce
 
 def test_each_segment_needs_every_level(tmp_path: Path, two: GridScene) -> None:
     with SceneWriter(tmp_path / "odd") as writer:
-        for glb in two.payloads[:3]:
-            writer.add_segment(glb, region=0)
+        for payload in two.payloads[:3]:
+            writer.add_segment(payload, region=0)
         with Scene.open(two.path) as scene:
             writer.set_base(scene.base_path.read_bytes(), scene.cover)
         with pytest.raises(PublishError, match="3 payloads, expected one of each segment"):

@@ -44,7 +44,7 @@ def test_a_scene_reads_as_from_its_folder(url: str, tiny: TinyScene) -> None:
         assert scene.manifest == tiny.manifest == read_manifest(url)
         assert scene.regions["regions"][1] == {"id": 1, "label": "bench"}
         assert len(decode_glb(scene.base_path.read_bytes()).faces) == 32
-        assert [bytes(scene.payload(n)) for n in range(4)] == tiny.glbs
+        assert [bytes(scene.payload(n)) for n in range(4)] == tiny.payloads
         assert scene.within((0.1, 1.0, -0.1), 0.3).tolist() == [0]
         folder = scene.path
     assert not folder.exists()
@@ -53,7 +53,7 @@ def test_a_scene_reads_as_from_its_folder(url: str, tiny: TinyScene) -> None:
 def test_a_scene_in_a_folder_of_files(tiny: TinyScene) -> None:
     """file:// is read by the same code, without a network."""
     with Scene.open(f"file://{tiny.path}") as scene:
-        assert [bytes(scene.payload(n)) for n in range(4)] == tiny.glbs
+        assert [bytes(scene.payload(n)) for n in range(4)] == tiny.payloads
 
 
 def test_validate_finds_nothing_or_names_it(url: str, tiny: TinyScene) -> None:
@@ -139,7 +139,7 @@ def test_versions_share_a_cache_and_scenes_do_not(
     with ObjectStorage(ObjectOptions(cache_dir=tmp_path / "cache")) as storage:
         for scene_url, fetched in ((url, 4), (url, 4), (url + "-2", 8)):
             with Scene.open(storage.files(scene_url)) as scene:
-                assert [bytes(scene.payload(n)) for n in range(4)] == tiny.glbs
+                assert [bytes(scene.payload(n)) for n in range(4)] == tiny.payloads
             assert storage.counts.payloads_fetched == fetched
 
 

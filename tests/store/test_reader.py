@@ -17,6 +17,7 @@ from terraport_store import (
     read_manifest,
 )
 from terraport_store.files import FolderFiles
+from terraport_store.layout import ENCODING
 
 
 def flip(path: Path, offset: int) -> None:
@@ -34,15 +35,15 @@ def test_reads_what_was_written(tiny: TinyScene) -> None:
         assert np.array_equal(scene.cover.segments, base_cover().segments)
         assert scene.regions["regions"][1] == {"id": 1, "label": "bench"}
         assert len(decode_glb(scene.base_path.read_bytes()).faces) == 32
-        for segment, glb in enumerate(tiny.glbs):
-            assert bytes(scene.payload(segment)) == glb
+        for segment, payload in enumerate(tiny.payloads):
+            assert bytes(scene.payload(segment)) == payload
         assert scene.within((0.1, 1.0, -0.1), 0.3).tolist() == [0]
         assert scene.within((1.5, 1.0, -1.5), 0.5).tolist() == [0, 1, 2, 3]
 
 
 def test_an_encoding_that_is_not_there(tiny: TinyScene) -> None:
     with Scene.open(tiny.path) as scene:
-        assert scene.index_for("glb") is scene.index
+        assert scene.index_for(ENCODING) is scene.index
         with pytest.raises(KeyError):
             scene.payload(0, "draco")
 
@@ -50,13 +51,13 @@ def test_an_encoding_that_is_not_there(tiny: TinyScene) -> None:
 def test_an_encoding_of_a_later_version_has_its_own_index(tiny: TinyScene) -> None:
     with Scene.open(add_encoding(tiny)) as scene:
         assert scene.index_for("later") is not scene.index
-        assert bytes(scene.payload(3, "later")) == tiny.glbs[3]
+        assert bytes(scene.payload(3, "later")) == tiny.payloads[3]
 
 
 def test_border_vertices_of_stored_neighbours_are_bit_equal(tiny: TinyScene) -> None:
     """Segments 0 and 2 share the line x = 1.5 m; so do 1 and 3."""
     with Scene.open(tiny.path) as scene:
-        meshes = [decode_glb(scene.payload(segment)) for segment in range(4)]
+        meshes = [scene.mesh(segment) for segment in range(4)]
     for left, right in ((0, 2), (1, 3)):
         rows = [
             sorted(p.tobytes() for p in meshes[segment].positions if p[0] == np.float32(1.5))
@@ -89,7 +90,7 @@ def test_flipped_payload_byte_is_never_handed_out(tiny: TinyScene) -> None:
             assert len(scene.payload(2, verify=False)) == length
         flip(pack, offset)
     with Scene.open(tiny.path) as scene:
-        assert bytes(scene.payload(2)) == tiny.glbs[2]
+        assert bytes(scene.payload(2)) == tiny.payloads[2]
 
 
 def test_verified_once_and_again_on_request(tiny: TinyScene) -> None:
@@ -107,7 +108,9 @@ def test_verified_once_and_again_on_request(tiny: TinyScene) -> None:
 
 def test_threads_may_read_at_once(tiny: TinyScene) -> None:
     with Scene.open(tiny.path) as scene, ThreadPoolExecutor(4) as pool:
-        answers = pool.map(lambda n: bytes(scene.payload(n % 4)) == tiny.glbs[n % 4], range(200))
+        answers = pool.map(
+            lambda n: bytes(scene.payload(n % 4)) == tiny.payloads[n % 4], range(200)
+        )
         assert all(answers)
 
 
@@ -145,10 +148,10 @@ def test_pack_of_another_kind_is_refused(tiny: TinyScene) -> None:
     """Two files swapped in the manifest: each whole, neither what it should be."""
     manifest = add_encoding(tiny) / "scene.json"
     document = json.loads(manifest.read_bytes())
-    glb, later = (document["encodings"][name] for name in ("glb", "later"))
-    glb["pack"], later["pack"] = later["pack"], glb["pack"]
+    ours, later = (document["encodings"][name] for name in (ENCODING, "later"))
+    ours["pack"], later["pack"] = later["pack"], ours["pack"]
     manifest.write_text(json.dumps(document))
-    with pytest.raises(DamagedSceneError, match="expected 'glb'"):
+    with pytest.raises(DamagedSceneError, match="expected 'segment-2'"):
         Scene.open(tiny.path)
 
 
@@ -171,7 +174,7 @@ def test_opened_version_outlives_newer_ones(tmp_path: Path) -> None:
         assert scene.base_path.is_file()
         write_tiny_scene(tmp_path / "s", seed=2)
         assert not scene.base_path.exists()
-        assert [bytes(scene.payload(n)) for n in range(4)] == first.glbs
+        assert [bytes(scene.payload(n)) for n in range(4)] == first.payloads
 
 
 def test_version_that_vanishes_while_opening(

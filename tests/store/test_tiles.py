@@ -56,7 +56,7 @@ class Tiled:
         folder, number = uri.removesuffix(".glb").split("/")
         if folder == "base":
             return decode_glb(whole(self.parts[int(number)]))
-        return decode_glb(self.scene.payload(int(number)))
+        return self.scene.mesh(int(number))
 
 
 def whole(tile: bytes) -> bytes:
@@ -295,7 +295,7 @@ def test_faces_that_no_segment_covers_never_go() -> None:
 def test_regions_without_a_name_have_no_column_of_names(tiled: Tiled) -> None:
     rows = tiled.scene.regions["regions"]
     facts = TileFacts.of(tiled.manifest, rows, [""] * len(rows))
-    document, _, _ = split_glb(encode_tile(decode_glb(tiled.scene.payload(5)), facts))
+    document, _, _ = split_glb(encode_tile(tiled.scene.mesh(5), facts))
     metadata = document["extensions"]["EXT_structural_metadata"]
     (table,) = metadata["propertyTables"]
     assert set(metadata["schema"]["classes"]["region"]["properties"]) - set(
@@ -308,7 +308,7 @@ def test_regions_without_a_name_have_no_column_of_names(tiled: Tiled) -> None:
 def test_regions_and_attributes_are_named(tiled: Tiled) -> None:
     labels = [f"ground {number}" for number in range(tiled.manifest.counts.regions)]
     rows = tiled.scene.regions["regions"]
-    mesh = decode_glb(tiled.scene.payload(5))
+    mesh = tiled.scene.mesh(5)
     document, binary, _ = split_glb(encode_tile(mesh, TileFacts.of(tiled.manifest, rows, labels)))
     metadata = document["extensions"]["EXT_structural_metadata"]
     (table,) = metadata["propertyTables"]

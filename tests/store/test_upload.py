@@ -80,7 +80,7 @@ def test_what_is_there_is_not_sent_again(proxy: FaultProxy, url: str, tiny: Tiny
     assert puts(proxy)[-1] == "scene.json"
     assert report.kept_files >= 3
     with Scene.open(url) as scene:
-        assert bytes(scene.payload(0)) == tiny.glbs[0]
+        assert bytes(scene.payload(0)) == tiny.payloads[0]
 
 
 def test_a_part_that_fails_is_sent_again(
@@ -102,7 +102,7 @@ def test_a_part_that_fails_is_sent_again(
     upload_scene(scene.path, url)
     assert failed
     with Scene.open(url) as opened:
-        assert [bytes(opened.payload(n)) for n in range(4)] == scene.glbs
+        assert [bytes(opened.payload(n)) for n in range(4)] == scene.payloads
 
 
 @pytest.mark.parametrize("name", ["report.html", "labels.json", "segments.pack"])

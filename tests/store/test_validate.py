@@ -17,7 +17,7 @@ import pytest
 import xxhash
 from store.tiny_scene import SCALES, STEP_M, TinyScene, add_encoding, lattice_mesh
 
-from terraport_payload import Cover, SegmentMesh, encode_glb
+from terraport_payload import Cover, SegmentMesh, encode_segment
 from terraport_store import (
     Finding,
     SceneNotFoundError,
@@ -25,6 +25,7 @@ from terraport_store import (
     manifest_digest,
     validate_scene,
 )
+from terraport_store.layout import ENCODING
 
 
 class Forger:
@@ -37,17 +38,17 @@ class Forger:
     def file(self, key: str) -> Path:
         return self.path / self.document["files"][key]["path"]
 
-    def index(self, encoding: str = "glb") -> SegmentIndex:
-        key = "segments.idx" if encoding == "glb" else f"segments.{encoding}.idx"
+    def index(self, encoding: str = ENCODING) -> SegmentIndex:
+        key = "segments.idx" if encoding == ENCODING else f"segments.{encoding}.idx"
         return SegmentIndex.from_bytes(self.file(key).read_bytes())
 
-    def write_index(self, index: SegmentIndex, encoding: str = "glb") -> None:
-        key = "segments.idx" if encoding == "glb" else f"segments.{encoding}.idx"
+    def write_index(self, index: SegmentIndex, encoding: str = ENCODING) -> None:
+        key = "segments.idx" if encoding == ENCODING else f"segments.{encoding}.idx"
         self.file(key).write_bytes(index.to_bytes())
 
-    def replace_payload(self, segment: int, payload: bytes, encoding: str = "glb") -> None:
+    def replace_payload(self, segment: int, payload: bytes, encoding: str = ENCODING) -> None:
         """Put another payload in a segment's place, with its hash and length right."""
-        key = "segments.pack" if encoding == "glb" else f"segments.{encoding}.pack"
+        key = "segments.pack" if encoding == ENCODING else f"segments.{encoding}.pack"
         index, pack = self.index(encoding), self.file(key).read_bytes()
         payloads = [
             pack[int(o) : int(o) + int(n)] for o, n in zip(index.offset, index.length, strict=True)
@@ -86,7 +87,7 @@ class Forger:
 
 
 def encode(mesh: SegmentMesh, **options: Any) -> bytes:
-    return encode_glb(mesh, **{"step_m": STEP_M, "attribute_scales": SCALES, **options})
+    return encode_segment(mesh, **{"step_m": STEP_M, "scales": SCALES, **options})
 
 
 def codes(findings: list[Finding]) -> set[str]:
@@ -103,7 +104,7 @@ def test_whole_scene_has_no_finding(tiny: TinyScene) -> None:
 def test_forging_nothing_has_no_finding(tiny: TinyScene) -> None:
     """What the cases below find is not the forger's own doing."""
     forger = Forger(tiny)
-    forger.replace_payload(1, tiny.glbs[1])
+    forger.replace_payload(1, tiny.payloads[1])
     forger.write_index(forger.index())
     assert forger.seal() == []
 
@@ -167,8 +168,13 @@ def test_missing_and_shortened_files(tiny: TinyScene) -> None:
         (["limits", "max_segment_faces"], 71, "count", "limits.max_segment_faces 71, expected 72"),
         (["limits", "max_segment_bytes"], 1, "count", "limits.max_segment_bytes 1"),
         (["limits", "max_extent_m"], 9.0, "count", "limits.max_extent_m 9.0, expected 1.5"),
-        (["encodings", "glb", "payload_bytes"], 1, "count", "encodings.glb.payload_bytes 1"),
-        (["attributes"], [], "attributes", "attributes ['grade'], expected some of []"),
+        (
+            ["encodings", ENCODING, "payload_bytes"],
+            1,
+            "count",
+            "encodings.segment-2.payload_bytes 1",
+        ),
+        (["attributes"], [], "payload-decode", "attributes 0x1, expected some of the scene's 0"),
         (["attributes", 0, "max"], 0.5, "attribute-range", "expected within 0.0 to 0.5"),
         (["attributes", 0, "max"], None, "attribute-range", "expected within 0.0 to None"),
     ],
@@ -214,7 +220,7 @@ def shifted(mesh: SegmentMesh) -> SegmentMesh:
             lambda mesh: encode(
                 replace(mesh, attributes={"height_change_m": mesh.positions[:, 0]})
             ),
-            {"attributes"},
+            {"payload-decode"},
         ),
         (
             lambda mesh: encode(replace(mesh, region_ids=mesh.region_ids + np.uint16(1))),
@@ -252,7 +258,7 @@ def test_indexes_that_differ(tiny: TinyScene) -> None:
     forger.write_index(replace(index, region=index.region[::-1].copy()), "later")
     findings = forger.seal()
     assert codes(findings) == {"index-agreement"}
-    assert "region differ from the glb index" in findings[0].message
+    assert "region differ from the segment-2 index" in findings[0].message
 
 
 @pytest.mark.parametrize("beyond", [3, 7])

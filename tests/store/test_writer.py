@@ -15,10 +15,10 @@ from store.tiny_scene import (
     write_tiny_scene,
 )
 
-from terraport_payload import Cover, PayloadError, decode_glb, encode_glb
+from terraport_payload import Cover, PayloadError, decode_segment, encode_glb, encode_segment
 from terraport_store import OutOfSpaceError, PublishError, Scene, SceneWriter, validate_scene
 
-GLB = encode_glb(lattice_mesh(0, 0), step_m=STEP_M, attribute_scales=SCALES)
+PAYLOAD = encode_segment(lattice_mesh(0, 0), step_m=STEP_M, scales=SCALES)
 BASE = encode_glb(
     lattice_mesh(0, 0, 4, stride=3), step_m=STEP_M, attribute_scales=SCALES, keep_face_order=True
 )
@@ -54,12 +54,12 @@ def test_manifest_counts_and_limits(tiny: TinyScene) -> None:
         "regions": 3,
     }
     assert manifest.limits.max_segment_faces == 72
-    assert manifest.limits.max_segment_bytes == max(map(len, tiny.glbs))
+    assert manifest.limits.max_segment_bytes == max(map(len, tiny.payloads))
     assert manifest.limits.max_extent_m == 1.5
     assert manifest.bounds.min[0] == 0.0
     assert manifest.bounds.max[0] == 3.0
     assert manifest.bounds.min[2] == -3.0
-    assert manifest.encodings["glb"].payload_bytes == sum(map(len, tiny.glbs))
+    assert manifest.encodings["segment-2"].payload_bytes == sum(map(len, tiny.payloads))
 
 
 def test_payloads_are_aligned_and_ordered(tiny: TinyScene) -> None:
@@ -71,7 +71,7 @@ def test_payloads_are_aligned_and_ordered(tiny: TinyScene) -> None:
 
 
 def test_given_shape_equals_decoded_shape(tmp_path: Path) -> None:
-    mesh = decode_glb(GLB)
+    mesh = decode_segment(PAYLOAD, scales=SCALES)
     box = [*mesh.positions.min(axis=0).tolist(), *mesh.positions.max(axis=0).tolist()]
     versions = []
     for name, shape in (
@@ -79,7 +79,7 @@ def test_given_shape_equals_decoded_shape(tmp_path: Path) -> None:
         ("given", {"bounds": box, "vertices": len(mesh.positions), "faces": len(mesh.faces)}),
     ):
         with SceneWriter(tmp_path / name) as writer:
-            assert writer.add_segment(GLB, region=0, **shape) == 0  # type: ignore[arg-type]
+            assert writer.add_segment(PAYLOAD, region=0, **shape) == 0  # type: ignore[arg-type]
             writer.set_base(
                 BASE, Cover(np.zeros(33, dtype=np.uint32), np.zeros(0, dtype=np.uint32))
             )
@@ -89,7 +89,7 @@ def test_given_shape_equals_decoded_shape(tmp_path: Path) -> None:
 
 def test_leaving_without_publishing_leaves_nothing(tmp_path: Path) -> None:
     with SceneWriter(tmp_path / "new") as writer:
-        writer.add_segment(GLB, region=0)
+        writer.add_segment(PAYLOAD, region=0)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -98,7 +98,7 @@ def test_an_error_inside_leaves_the_old_version(tiny: TinyScene) -> None:
 
     def fail() -> None:
         with SceneWriter(tiny.path) as writer:
-            writer.add_segment(GLB, region=0)
+            writer.add_segment(PAYLOAD, region=0)
             writer.set_base(BASE, base_cover())
             raise KeyboardInterrupt
 
@@ -153,7 +153,7 @@ def test_foreign_files_are_left_alone(tiny: TinyScene) -> None:
 
 def test_without_regions_there_is_an_empty_table(tmp_path: Path) -> None:
     with SceneWriter(tmp_path / "s") as writer:
-        writer.add_segment(GLB, region=0)
+        writer.add_segment(PAYLOAD, region=0)
         writer.set_base(BASE, Cover(np.zeros(33, dtype=np.uint32), np.zeros(0, dtype=np.uint32)))
         manifest = writer.publish(scene_info())
     assert json.loads((tmp_path / "s" / manifest.files["regions.json"].path).read_text()) == {
@@ -165,20 +165,20 @@ def test_refuses_misuse(tmp_path: Path) -> None:
     with SceneWriter(tmp_path / "s") as writer:
         with pytest.raises(PublishError, match="0 segments and no base, expected at least one"):
             writer.publish(scene_info())
-        with pytest.raises(PayloadError, match="expected a GLB"):
+        with pytest.raises(PayloadError, match="expected at least 12"):
             writer.add_segment(b"x", region=0)
         with pytest.raises(PublishError, match="cover of 0 base faces, expected 32"):
             writer.set_base(BASE, Cover(np.zeros(1, dtype=np.uint32), np.zeros(0, dtype=np.uint32)))
         with pytest.raises(PublishError, match="regions are not JSON"):
             writer.set_regions({"regions": [float("nan")]})
-        writer.add_segment(GLB, region=0)
+        writer.add_segment(PAYLOAD, region=0)
         writer.set_base(BASE, base_cover())
         with pytest.raises(PublishError, match="base set twice"):
             writer.set_base(BASE, base_cover())
         with pytest.raises(PublishError, match="cover names segment 3, expected below 1"):
             writer.publish(scene_info())
     with pytest.raises(PublishError, match="the writer is closed"):
-        writer.add_segment(GLB, region=0)
+        writer.add_segment(PAYLOAD, region=0)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -20,6 +20,7 @@ from terraport_payload import (
     SegmentMesh,
     Texture,
     encode_glb,
+    encode_segment,
     gltf_attribute_name,
 )
 from terraport_store import (
@@ -31,7 +32,7 @@ from terraport_store import (
     SceneWriter,
     TextureInfo,
 )
-from terraport_store.layout import PACK_HEADER_BYTES, pack_header
+from terraport_store.layout import ENCODING, PACK_HEADER_BYTES, pack_header
 from terraport_store.manifest import manifest_digest
 
 STEP_M = 2.0**-12
@@ -96,7 +97,7 @@ class TinyScene:
     path: Path
     manifest: Manifest
     segments: list[SegmentMesh]
-    glbs: list[bytes]
+    payloads: list[bytes]
 
 
 def write_tiny_scene(
@@ -125,10 +126,11 @@ def write_tiny_scene(
         base = textured(base, base_image)
     if changed:
         segments[-1] = sunken(segments[-1])
-    glbs = [encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES) for mesh in segments]
+    scales = SCALES if changed else {"grade": SCALES["grade"]}
+    payloads = [encode_segment(mesh, step_m=STEP_M, scales=scales) for mesh in segments]
     with SceneWriter(path) as writer:
-        for (i, j), glb in zip(tiles, glbs, strict=True):
-            writer.add_segment(glb, region=(i + j) // CELLS)
+        for (i, j), payload in zip(tiles, payloads, strict=True):
+            writer.add_segment(payload, region=(i + j) // CELLS)
         writer.set_base(
             encode_glb(base, step_m=STEP_M, attribute_scales=SCALES, keep_face_order=True),
             base_cover(),
@@ -138,7 +140,7 @@ def write_tiny_scene(
         if changed:
             info = replace(info, attributes=(*info.attributes, CHANGE))
         manifest = writer.publish(info)
-    return TinyScene(path, manifest, segments, glbs)
+    return TinyScene(path, manifest, segments, payloads)
 
 
 def add_encoding(scene: TinyScene, name: str = "later") -> Path:
@@ -147,8 +149,8 @@ def add_encoding(scene: TinyScene, name: str = "later") -> Path:
     The payloads are the same, in a pack that says the other name.
     """
     document = json.loads((scene.path / "scene.json").read_bytes())
-    files, glb = document["files"], document["encodings"]["glb"]
-    pack, index = ((scene.path / files[glb[key]]["path"]) for key in ("pack", "index"))
+    files, ours = document["files"], document["encodings"][ENCODING]
+    pack, index = ((scene.path / files[ours[key]]["path"]) for key in ("pack", "index"))
     for key, data in (
         (f"segments.{name}.pack", pack_header(name) + pack.read_bytes()[PACK_HEADER_BYTES:]),
         (f"segments.{name}.idx", index.read_bytes()),
@@ -156,7 +158,7 @@ def add_encoding(scene: TinyScene, name: str = "later") -> Path:
         (pack.parent / key).write_bytes(data)
         path = f"{pack.parent.name}/{key}"
         files[key] = {"path": path, "bytes": len(data), "xxh3": xxhash.xxh3_64_hexdigest(data)}
-    document["encodings"][name] = glb | {
+    document["encodings"][name] = ours | {
         "pack": f"segments.{name}.pack",
         "index": f"segments.{name}.idx",
     }

@@ -93,7 +93,7 @@ def test_the_callers_array_is_not_changed_and_not_shared() -> None:
             lambda: m.Hello(
                 protocol=(1, 0), client="", encoding="obj", budgets=m.Budgets(), credit_bytes=0
             ),
-            "hello.encoding: got 'obj', expected one of glb",
+            "hello.encoding: got 'obj', expected one of segment-2",
         ),
         (
             lambda: m.Prefetch(generation=0, segments=[(1, 5, 0, 1, 1, (0,) * 6)], bytes=4),
@@ -116,7 +116,7 @@ def test_equality_compares_arrays_as_wholes() -> None:
     hello = m.Hello(
         protocol=(1, 0),
         client="",
-        encoding="glb",
+        encoding="segment-2",
         budgets=m.Budgets(),
         credit_bytes=0,
         held=held_segments,

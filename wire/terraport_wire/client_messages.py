@@ -93,7 +93,7 @@ class Hello(ClientMessage):
     token: Annotated[
         str | None, Text(MAX_TOKEN_BYTES), "Bearer token, where it was not given before"
     ] = None
-    encoding: Annotated[str, Choice("glb"), "Payload encoding that the client wants"]
+    encoding: Annotated[str, Choice("segment-2"), "Payload encoding that the client wants"]
     budgets: Annotated[Budgets, PartKind(Budgets), "Hard bounds of every landing"]
     credit_bytes: Annotated[
         int, Integer(0, MAX_INTEGER), "First credit: payload bytes that may be sent at once"

@@ -2,8 +2,8 @@
 
 ::
 
-    CACHE_DIR/<16 hex: the scene's URL>/<segment id>-<16 hex: xxh3>.glb            64 bytes +
-    payload CACHE_DIR/<16 hex: the scene's URL>/<name>-<16 hex: xxh3>.blob                 the bytes
+    CACHE_DIR/<16 hex: the scene's URL>/<segment id>-<16 hex: xxh3>.segment-2   64 bytes + payload
+    CACHE_DIR/<16 hex: the scene's URL>/<name>-<16 hex: xxh3>.blob              the bytes
 
     segment file   0        8                       56       64
                    +--------+-----------------------+--------+-----------

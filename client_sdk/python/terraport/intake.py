@@ -35,6 +35,7 @@ from terraport.events import (
     Superseded,
 )
 from terraport.group import GroupEvent, GroupRecord
+from terraport.payloads import Scales
 from terraport.session import ClientSession
 from terraport.waiting import Waiting
 
@@ -63,6 +64,8 @@ class EventIntake:
         self.waiting = Waiting()
         self.opened: Opened | None = None
         """The newest connection's welcome."""
+        self.scales: Scales = {}
+        """Of the served version's attributes; the session sets it before any plan is read."""
         self.on_fetch: Callable[[FetchNeeded | FetchStopped], None] | None = None
         """Set once by the session, where it may pull."""
         self.worker: DiskWorker | None = None
@@ -132,7 +135,7 @@ class EventIntake:
         """
         if isinstance(event, Planned):
             record = self.waiting.landing(event.landing)
-            record.planned(event.plan, event.kept)
+            record.planned(event.plan, event.kept, self.scales)
             # A plan of a reconnect is of another server session, perhaps of another server.
             assert self.opened is not None  # no plan comes before the welcome
             record.trace.server_session = self.opened.session

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from terraport.cache import CachedSegment
 from terraport.errors import (
@@ -13,6 +13,7 @@ from terraport.errors import (
     TerraportError,
     UsageError,
 )
+from terraport.payloads import Scales
 from terraport.segment import Segment
 from terraport.trace import LandingTrace, SegmentMark
 from terraport_wire import Plan
@@ -72,6 +73,8 @@ class LandingRecord:
     rejected: int = 0
     plans: int = 0
     outside_m: float | None = None
+    scales: Scales = field(default_factory=dict)
+    """Of the scene version that the plan is of."""
     trace: LandingTrace = field(init=False)
     _waiters: list[asyncio.Future[None]] = field(default_factory=list)
 
@@ -83,9 +86,9 @@ class LandingRecord:
         """Whether nothing more will happen: it is ready, or has failed."""
         return self.shown is not None or self.error is not None
 
-    def planned(self, plan: Plan, kept: tuple[CachedSegment, ...]) -> None:
+    def planned(self, plan: Plan, kept: tuple[CachedSegment, ...], scales: Scales) -> None:
         """Take a plan; after a reconnect it replaces the one before."""
-        self.plan = plan
+        self.plan, self.scales = plan, scales
         self.plans += 1
         now_s, trace = self.clock(), self.trace
         if self.plan_s is None:
@@ -98,7 +101,7 @@ class LandingRecord:
         for entry in kept:
             previous = previous_segments.get(entry.facts.segment)
             if previous is not None and previous.entry == entry:
-                self.segments[previous.id] = previous
+                self.segments[previous.id] = replace(previous, scales=scales)
             else:
                 self._add(entry, "memory")
         self.changed()
@@ -146,7 +149,7 @@ class LandingRecord:
         await waiter
 
     def _add(self, entry: CachedSegment, source: str) -> None:
-        segment = Segment(entry, source)
+        segment = Segment(entry, source, self.scales)
         self.segments[segment.id] = segment
         self.arrived.append(segment)
         mark = SegmentMark(segment.id, self.clock(), len(entry.payload), source)

@@ -11,7 +11,7 @@ import math
 import random
 import ssl
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -80,6 +80,8 @@ class Link:
         Of these: connect_s, reconnect_s, close_s.
     handle : callable
         Takes every event, in order, on the event loop.
+    prepare : callable
+        Awaited after each welcome, before anything else is read from the connection.
     """
 
     def __init__(
@@ -89,6 +91,7 @@ class Link:
         access: Access,
         timeouts: Timeouts,
         handle: Callable[[Event], None],
+        prepare: Callable[[], Awaitable[None]],
     ) -> None:
         self.connections = 0
         """Connections that the server welcomed."""
@@ -99,6 +102,8 @@ class Link:
         self._access = access
         self._timeouts = timeouts
         self._handle = handle
+        self._prepare = prepare
+        self._is_prepared = False
         self._wake = asyncio.Event()
         self._welcomed = asyncio.Event()
         self._leaving = False
@@ -155,6 +160,7 @@ class Link:
         while True:
             began_s = time.monotonic()
             self._welcomed.clear()
+            self._is_prepared = False
             lost = await self._converse()
             now_s = time.monotonic()
             if self._welcomed.is_set() and now_s - began_s >= _STABLE_S:
@@ -241,6 +247,9 @@ class Link:
                 self.received_bytes += len(data)
                 self._session.receive(data)
                 self.pump()
+                if self._welcomed.is_set() and not self._is_prepared:
+                    self._is_prepared = True
+                    await self._prepare()
         except ConnectionClosed as error:
             return self._lost_by(error)
         except ProtocolViolationError as error:

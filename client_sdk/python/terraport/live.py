@@ -33,6 +33,7 @@ from terraport.http import SceneHttp
 from terraport.intake import EventIntake
 from terraport.landing import Landing
 from terraport.link import Link
+from terraport.payloads import scales_of
 from terraport.places import Place
 from terraport.puller import Puller
 from terraport.scene_box import SceneBox
@@ -69,7 +70,10 @@ class Session:
         self._disk = disk
         # Events need the link to answer, and the link needs somebody to give events to.
         self._intake = intake = EventIntake(state, pump=self._pump, on_opened=self._on_opened)
-        self._link = Link(state, url.stream, access, timeouts, intake.take)
+        self._link = Link(
+            state, url.stream, access, timeouts, intake.take, prepare=self._read_scales
+        )
+        self._scales_version: str | None = None
         self._link.group = group
         if disk is not None:
             intake.worker = DiskWorker(
@@ -521,6 +525,17 @@ class Session:
     def _welcomed(self) -> Opened:
         assert self._intake.opened is not None  # connect() waits for it
         return self._intake.opened
+
+    async def _read_scales(self) -> None:
+        """Fetch what decoding needs, once per scene version; a failure shows in decoding alone."""
+        version = self.scene.version
+        if version == self._scales_version:
+            return
+        try:
+            self._intake.scales = scales_of(await self._http.manifest(version))
+            self._scales_version = version
+        except TerraportError as error:
+            self._intake.scales = error
 
     def _pump(self) -> None:
         self._link.pump()

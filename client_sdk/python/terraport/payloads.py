@@ -1,41 +1,41 @@
-"""Payload bytes to arrays: the one place that knows in which form payloads come.
+"""The form in which payloads come, and what decoding them needs.
 
 PURE: no I/O, no clock.
 """
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
 from terraport.cache import SegmentFacts
-from terraport.errors import ProtocolViolationError
-from terraport_payload import PayloadError, SegmentMesh, decode_glb
+from terraport.errors import ProtocolViolationError, TerraportError
+from terraport_payload import AttributeScale, PayloadError, decode_segment
 
-__all__ = ["ENCODING", "decode_payload", "facts_of_payload"]
+__all__ = ["ENCODING", "Scales", "facts_of_payload", "scales_of"]
 
-ENCODING: Final = "glb"
-"""What is asked for in ``hello``, and what files of payloads end in."""
+ENCODING: Final = "segment-2"
+"""Payload encoding requested in ``hello``, and file name extension of stored payloads."""
+
+Scales = Mapping[str, AttributeScale] | TerraportError
+"""Scales of a scene version's attributes, or the error of the request for them."""
 
 
-def decode_payload(payload: bytes) -> SegmentMesh:
-    """Decode one segment.
-
-    Parameters
-    ----------
-    payload : bytes
-        As received.
-
-    Returns
-    -------
-    SegmentMesh
-        Scene frame, metres.
+def scales_of(manifest: Mapping[str, Any]) -> dict[str, AttributeScale]:
+    """Return the scales of the attributes, in the manifest's order.
 
     Raises
     ------
-    PayloadError
-        The bytes are no payload; says at which offset.
+    ProtocolViolationError
+        The manifest's ``attributes`` are not as the format says.
     """
-    return decode_glb(payload)
+    try:
+        return {
+            str(row["name"]): AttributeScale(float(row["offset"]), float(row["step"]))
+            for row in manifest.get("attributes", ())
+        }
+    except (KeyError, TypeError, ValueError, PayloadError) as error:
+        raise ProtocolViolationError(f"manifest: wrong attributes ({error!r})") from None
 
 
 def facts_of_payload(segment: int, payload: bytes, xxh3: int) -> SegmentFacts:
@@ -50,7 +50,7 @@ def facts_of_payload(segment: int, payload: bytes, xxh3: int) -> SegmentFacts:
         The payload has the right hash and yet cannot be decoded.
     """
     try:
-        mesh = decode_payload(payload)
+        mesh = decode_segment(payload, scales=None)
     except PayloadError as error:
         raise ProtocolViolationError(f"segment {segment}: {error}") from error
     low, high = mesh.positions.min(axis=0).tolist(), mesh.positions.max(axis=0).tolist()

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from terraport.cache import CachedSegment
+from terraport.errors import TerraportError
 from terraport.mesh import to_trimesh
-from terraport.payloads import decode_payload
-from terraport_payload import SegmentMesh
+from terraport.payloads import Scales
+from terraport_payload import SegmentMesh, decode_segment
 
 if TYPE_CHECKING:
     import trimesh
@@ -23,6 +24,8 @@ class Segment:
     entry: CachedSegment
     source: str
     """``"stream"``: sent for this landing; ``"memory"``, ``"disk"``: held before."""
+    scales: Scales
+    """Of the scene version's attributes, as its manifest has them."""
 
     def __repr__(self) -> str:
         """Say what the index says of it, and where it came from."""
@@ -36,7 +39,10 @@ class Segment:
 
     @property
     def payload(self) -> bytes:
-        """The bytes as the server sent them; a GLB, which viewers open."""
+        """The bytes as the server sent them: segment format 2 (``spec/segment-format.md``).
+
+        :func:`terraport.write_glb` writes :meth:`arrays` as a file that viewers open.
+        """
         return self.entry.payload
 
     @property
@@ -65,12 +71,19 @@ class Segment:
         Raises
         ------
         terraport_payload.PayloadError
-            The payload is no whole GLB of the format's profile; says at which offset.
+            The payload is not a whole segment.
+        HttpError
+            The scene's manifest, which says what attributes mean, could not be fetched when the
+            connection was made.
         """
-        return decode_payload(self.entry.payload)
+        if isinstance(self.scales, TerraportError):
+            raise self.scales
+        return decode_segment(self.entry.payload, scales=self.scales)
 
     def to_trimesh(self) -> trimesh.Trimesh:
         """Decode to a trimesh; attributes in ``vertex_attributes``.
+
+        Raises what :meth:`arrays` raises.
 
         Raises
         ------

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from terraport_payload import PayloadError, SegmentMesh, Texture, decode_glb
+from terraport_payload import PayloadError, SegmentMesh, Texture
 from terraport_payload.types import AnyArray, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.export.selection import SelectedScene, Selection
 from terraport_pipeline.geometry.mesh.box_clip import clip_to_box
@@ -78,7 +78,7 @@ def read_pieces(
         box = (float(x0), float(z0), float(x1), float(z1))
     for segment in segments.tolist():
         try:
-            mesh = decode_glb(scene.payload(segment))
+            mesh = scene.mesh(segment)
         except PayloadError as error:
             raise DamagedSceneError(
                 scene.manifest.files["segments.pack"].path,

@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from terraport_payload import decode_glb
 from terraport_pipeline.progress import Progress
 from terraport_store import Scene, read_names
 from terraport_store.tiles.placing import place_scene
@@ -87,8 +86,7 @@ def write_tiles(
         for number, data in enumerate(tiles.encode_parts(facts)):
             yield f"base/{number}.glb", data
         for segment in range(len(scene.index)):
-            mesh = decode_glb(scene.payload(segment))
-            yield f"segments/{segment}.glb", encode_tile(mesh, facts)
+            yield f"segments/{segment}.glb", encode_tile(scene.mesh(segment), facts)
 
     total = 1 + len(tiles.parts) + len(scene.index)
     progress.start("write tiles", total, "tiles")

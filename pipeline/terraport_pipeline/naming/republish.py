@@ -99,7 +99,7 @@ def _publish(
     progress: Progress,
 ) -> Manifest:
     before, index = scene.manifest, scene.index
-    scales = {a.name: AttributeScale(a.offset, a.step) for a in before.attributes}
+    scales = before.scales
     starts = np.searchsorted(ground.segment_of_face, np.arange(len(index) + 1))
     main, region_counts = main_labels(ground.segment_of_face, len(index), new.regions)
     with SceneWriter(target, expected_bytes=sum(f.bytes for f in before.files.values())) as out:
@@ -108,16 +108,17 @@ def _publish(
             raise SceneBusyError(str(target))
         progress.start("regions: segments", float(len(index)), "segments")
         for segment in range(len(index)):
-            glb = scene.payload(segment)
+            data = bytes(scene.payload(segment))
             box: list[float] | None = index.bounds[segment].tolist()
             vertices: int | None = int(index.vertex_count[segment])
             if changed[segment]:
                 regions = new.regions[starts[segment] : starts[segment + 1]]
-                mesh = with_regions(decode_glb(glb), regions)
-                glb = encode_glb(mesh, step_m=before.step_m, attribute_scales=scales)
-                vertices = len(mesh.positions)
+                packed = encode_payload(
+                    with_regions(scene.mesh(segment), regions), before.step_m, scales
+                )
+                data, vertices = packed.data, packed.vertices
             out.add_segment(
-                bytes(glb),
+                data,
                 region=int(main[segment]),
                 region_count=int(region_counts[segment]),
                 bounds=box,
@@ -161,19 +162,17 @@ def _add_level(
 ) -> None:
     """Write a coarser level as it is, or, of a segment whose regions changed, of its new detail."""
     rows, segment = scene.rows, row % len(changed)
-    glb, region = bytes(scene.payload(row)), int(rows.region[row])
+    data, region = bytes(scene.payload(row)), int(rows.region[row])
     region_count, vertices = int(rows.region_count[row]), int(rows.vertex_count[row])
     faces = int(rows.face_count[row])
     if changed[segment]:
         regions = new.regions[starts[segment] : starts[segment + 1]]
-        *_, mesh = levels_of(
-            with_regions(decode_glb(scene.payload(segment)), regions), 1 + row // len(changed)
-        )
+        *_, mesh = levels_of(with_regions(scene.mesh(segment), regions), 1 + row // len(changed))
         packed = encode_payload(mesh, scene.manifest.step_m, scales)
-        glb, region, region_count = packed.glb, packed.region, packed.region_count
+        data, region, region_count = packed.data, packed.region, packed.region_count
         vertices, faces = packed.vertices, packed.faces
     out.add_segment(
-        glb,
+        data,
         region=region,
         region_count=region_count,
         bounds=rows.bounds[row].tolist(),

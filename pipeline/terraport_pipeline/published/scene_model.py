@@ -272,7 +272,7 @@ class _Parts:
 
 def _decoded(scene: Scene, segment: int) -> SegmentMesh:
     try:
-        return decode_glb(scene.payload(segment))
+        return scene.mesh(segment)
     except PayloadError as error:
         raise DamagedSceneError(
             scene.manifest.files["segments.pack"].path,

@@ -81,9 +81,8 @@ def open_images(path: Path, version: str, sizes: Mapping[int, tuple[int, int]]) 
                     "scene.json", f"version {scene.manifest.version} came meanwhile; try again"
                 )
             is_base = image == len(scene.index)
-            data = scene.base_path.read_bytes() if is_base else scene.payload(image)
             try:
-                mesh = decode_glb(data)
+                mesh = decode_glb(scene.base_path.read_bytes()) if is_base else scene.mesh(image)
             except PayloadError as error:
                 raise DamagedSceneError("segments.pack", f"segment {image}: {error}") from None
         if mesh.texture is None:

@@ -24,6 +24,7 @@ from terraport_pipeline.report.survey_crs import crs_line, tiles_line
 from terraport_pipeline.report.survey_units import SurveyUnit
 from terraport_pipeline.survey.one_survey import OUTSIDE
 from terraport_store import DamagedSceneError, Manifest, RegionNames, Scene, read_labels
+from terraport_store.layout import ENCODING
 
 __all__ = [
     "ReportFacts",
@@ -234,7 +235,7 @@ def _rows(record: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
 def _cards(scene: Scene, total_bytes: int) -> tuple[dict[str, str], ...]:
     manifest = scene.manifest
     counts = manifest.counts
-    payload = manifest.encodings["glb"].payload_bytes
+    payload = manifest.encodings[ENCODING].payload_bytes
     return (
         {"label": "points", "value": f"{counts.points:,}", "note": points_note(manifest)},
         {

@@ -18,7 +18,7 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from terraport_payload import PayloadError, SegmentMesh, decode_glb
+from terraport_payload import PayloadError, SegmentMesh
 from terraport_payload.types import Float32, Float64, Int32, UInt32
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.mesh.surface_samples import SurfaceSamples, surface_samples
@@ -294,7 +294,7 @@ def _old_samples(
     samples_of_segments, unread = [], 0
     for segment in range(len(scene.index)):
         try:
-            mesh = decode_glb(scene.payload(segment))
+            mesh = scene.mesh(segment)
         except (CorruptPayloadError, PayloadError):
             unread += 1  # its ground counts as new; the rest is still matched
         else:

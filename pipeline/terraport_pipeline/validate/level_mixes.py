@@ -18,7 +18,6 @@ from typing import Final
 
 import numpy as np
 
-from terraport_payload import decode_glb
 from terraport_payload.types import AnyInt, Bool, Float32, Float64, Int32, Int64
 from terraport_pipeline.engines.coarser import odd_edges
 from terraport_pipeline.engines.rays import RayScene
@@ -189,7 +188,7 @@ def _look_at_window(
 
 def _load_level(scene: Scene, level: int, segments: Int64) -> _Level:
     start = level * len(scene.index)
-    meshes = [decode_glb(scene.payload(start + segment)) for segment in segments.tolist()]
+    meshes = [scene.mesh(start + segment) for segment in segments.tolist()]
     starts = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
     return _Level(
         np.concatenate([mesh.positions for mesh in meshes]),

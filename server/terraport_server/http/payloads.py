@@ -1,8 +1,8 @@
-"""Segment payloads and packs over HTTP, at addresses whose bytes never change.
+"""Segments and packs over HTTP.
 
-``/scenes/ID/segments/N.glb`` is the GLB that a landing streams: its hash is compared when the
-segment is first read. ``/scenes/ID/v-.../segments.pack`` is the pack of a version, which clients
-fetch in ranges; they compare each segment.
+``/scenes/ID/segments/N.glb`` is a segment as GLB, for other programs, made when it is asked for.
+``/scenes/ID/v-.../segments.pack`` is the pack of a version, which clients fetch in ranges; they
+compare each segment.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from urllib.parse import unquote
 
 from fastapi import APIRouter, Request, Response
 
+from terraport_payload import PayloadError
 from terraport_server.errors import AccessError, RequestError, UnknownSceneError
 from terraport_server.http.responses import (
     PackResponse,
     SceneOfRequest,
     ServiceOfRequest,
-    bytes_response,
     caching_headers,
     is_unchanged,
     token_of,
@@ -28,6 +28,7 @@ from terraport_server.http.responses import (
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.service import Service
 from terraport_store import OriginError, StoreError
+from terraport_store.layout import ENCODING
 
 __all__ = ["pack_routes", "payload_routes", "segment_faults", "segment_number"]
 
@@ -47,15 +48,15 @@ async def get_segment(
     segment: str,
     v: str | None = None,
 ) -> Response:
-    """Return the payload of a segment, or one byte range of it."""
+    """Return a segment as GLB."""
     number = segment_number(segment, len(served.hashes))
-    etag = f'"{served.hashes[number]:016x}"'
+    etag = f'"{served.hashes[number]:016x}-glb"'
     headers = caching_headers(etag, v, is_open=service.gate.is_open)
     if is_unchanged(request, etag):
         return Response(None, 304, headers)
     with segment_faults(service, served, number):
-        data = await served.payloads.read(number)
-    return bytes_response(request, data, "model/gltf-binary", headers)
+        data = await served.payloads.glb(number)
+    return Response(data, 200, headers, "model/gltf-binary")
 
 
 @pack_routes.head("/scenes/{scene_id}/{folder}/{name}", include_in_schema=False)
@@ -99,7 +100,7 @@ def _find_pack(
     if served.fetchers is not None:  # in object storage, where no file can be sent from
         raise UnknownSceneError(scene_id)
     manifest = served.scene.manifest
-    etag = f'"{manifest.files[manifest.encodings["glb"].pack].xxh3}"'
+    etag = f'"{manifest.files[manifest.encodings[ENCODING].pack].xxh3}"'
     return served, caching_headers(etag, served.version, is_open=service.gate.is_open)
 
 
@@ -118,7 +119,7 @@ def segment_faults(service: Service, served: ServedScene, segment: int) -> Itera
         served.tell_failure("segment_lost", segment, error)
         text = f"segment {segment} is not available now; try again later"
         raise RequestError(503, "segment_unavailable", text) from None
-    except StoreError:
+    except (PayloadError, StoreError):
         served.payloads.distrust(segment)
         service.metrics.corrupt_segments.labels(service.metrics.scene_label(served.id)).inc()
         text = f"segment {segment} is damaged on the server's disk"

@@ -9,7 +9,7 @@ from collections.abc import AsyncIterator, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Final
 
-from fastapi import Depends, Request, Response
+from fastapi import Depends, Request
 from fastapi.responses import FileResponse
 from starlette.types import Receive, Scope, Send
 
@@ -18,6 +18,7 @@ from terraport_server.errors import AccessError
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.service import Service
 from terraport_store import open_inside, path_inside
+from terraport_store.layout import ENCODING
 
 __all__ = [
     "CHECK",
@@ -27,7 +28,6 @@ __all__ = [
     "PackResponse",
     "SceneOfRequest",
     "ServiceOfRequest",
-    "bytes_response",
     "caching_headers",
     "in_pieces",
     "is_unchanged",
@@ -172,41 +172,12 @@ class PackResponse(OpenFileResponse):
     def __init__(self, served: ServedScene, headers: Mapping[str, str]) -> None:
         path = served.scene.path / served.pack_path
         if _REOPENS:
-            pack = served.scene.pack_range("glb", 0, 0)
+            pack = served.scene.pack_range(ENCODING, 0, 0)
             assert pack is not None
             descriptor = os.open(f"/proc/self/fd/{pack.descriptor}", os.O_RDONLY | os.O_CLOEXEC)
         else:
             descriptor = open_inside(served.scene.path, served.pack_path)
         self._use(descriptor, path, "application/octet-stream", headers)
-
-
-def bytes_response(
-    request: Request, data: bytes | memoryview, media_type: str, headers: Mapping[str, str]
-) -> Response:
-    """Return bytes, or the one range of them that the request asks for (RFC 9110, 14).
-
-    Parameters
-    ----------
-    request
-    data
-        The whole; at least one byte.
-    media_type
-    headers
-        With the strong ``ETag``.
-    """
-    headers = {**headers, "Accept-Ranges": "bytes"}
-    etag, total = headers["ETag"], len(data)
-    asked = _one_range(request.method, request.headers.getlist("range"))
-    # A date or a weak tag in If-Range does not name these very bytes (13.1.5).
-    if asked is None or request.headers.get("if-range", etag).strip() != etag:
-        return Response(data, 200, headers, media_type)
-    first, last = asked
-    start = int(first) if first else max(0, total - int(last))
-    if start >= total:
-        return Response(None, 416, {**headers, "Content-Range": f"bytes */{total}"})
-    end = min(int(last) + 1, total) if first and last else total
-    headers["Content-Range"] = f"bytes {start}-{end - 1}/{total}"
-    return Response(data[start:end], 206, headers, media_type)
 
 
 def _one_range(method: str, values: list[str]) -> tuple[str, str] | None:

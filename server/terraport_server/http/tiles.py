@@ -22,6 +22,7 @@ from terraport_server.http.responses import (
 from terraport_server.logging import log
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_store import StoreError
+from terraport_store.tiles.tile_glb import unlit_glb
 
 __all__ = ["tile_routes"]
 
@@ -82,7 +83,7 @@ async def get_unlit_segment(
     segment: str,
     v: str | None = None,
 ) -> Response:
-    """Return a segment's payload with unlit materials, like the parts of the base."""
+    """Return a segment as GLB with unlit materials, like the parts of the base."""
     number = segment_number(segment, len(served.hashes))
     headers = caching_headers(
         f'"{served.hashes[number]:016x}-unlit"', v, is_open=service.gate.is_open
@@ -90,7 +91,7 @@ async def get_unlit_segment(
     if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     with segment_faults(service, served, number):
-        data = await service.tiles.segment(served, number)
+        data = unlit_glb(await served.payloads.glb(number))
     return Response(data, media_type="model/gltf-binary", headers=headers)
 
 

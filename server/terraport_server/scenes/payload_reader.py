@@ -19,9 +19,11 @@ from concurrent.futures import Executor
 from time import monotonic
 from typing import Any, Final
 
+from terraport_payload import encode_glb
 from terraport_server.session.interface import SendChunk
 from terraport_server.session.rate_limit import RatesByName
 from terraport_store import RangeError, Scene, read_cached
+from terraport_store.layout import ENCODING
 
 __all__ = ["MAX_COMPARED", "MAX_COMPARED_BYTES", "REJECTS_PER_S", "PayloadReader"]
 
@@ -174,22 +176,27 @@ class PayloadReader:
         self._scene.expect(first, encoding)
         return int(self._scene.index_for(encoding).length[first].sum())
 
-    async def read(self, segment: int) -> bytes | memoryview:
-        """Return a whole GLB; its hash is compared unless that was done.
+    async def glb(self, segment: int) -> bytes:
+        """Return a segment as GLB, made in a reader thread; its hash is compared first.
 
-        Without a thread where it is in the page cache. Cancelling it leaves the thread to finish.
-        Raises as :meth:`fetch`.
+        Cancelling it leaves the thread to finish.
+
+        Raises
+        ------
+        PayloadError, StoreError
+            When the payload is damaged, or does not match the index.
+        OSError
+            When the disk fails.
         """
-        scene, encoding = self._scene, "glb"
-        length = int(scene.rows.length[segment])
-        if scene.is_verified(segment, encoding) or self._compare(segment, encoding, length):
-            whole = SendChunk(0, segment, 0, length, length, landing=False)
-            data = self._copy(whole, encoding, may_wait=False)
-            if data is not None:
-                return data
-        return await asyncio.shield(
-            self._run(segment, encoding, lambda: scene.payload(segment, encoding))
-        )
+        scene = self._scene
+
+        def work() -> bytes:
+            manifest = scene.manifest
+            return encode_glb(
+                scene.mesh(segment), step_m=manifest.step_m, attribute_scales=manifest.scales
+            )
+
+        return await asyncio.shield(self._run(segment, ENCODING, work))
 
     def reject(self, segment: int, client: str) -> None:
         """Have a segment's hashes compared again that a client rejects, within a rate per client.

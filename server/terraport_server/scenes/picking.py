@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from terraport_payload import PayloadError, SegmentMesh, decode_glb
+from terraport_payload import PayloadError, SegmentMesh
 from terraport_payload.types import AnyArray, Float32, Float64, UInt32
 from terraport_server.errors import PickTimeoutError
 from terraport_store import RegionNames, Scene, StoreError
@@ -76,7 +76,7 @@ class MeshCache:
                 self._meshes.move_to_end(key)
                 return mesh
         # Decoded outside the lock: two threads may decode the same segment, which only costs time.
-        mesh = decode_glb(scene.payload(segment, recheck=True))
+        mesh = scene.mesh(segment, recheck=True)
         with self._lock:
             if key not in self._meshes:
                 self._meshes[key] = mesh

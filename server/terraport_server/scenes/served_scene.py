@@ -29,6 +29,7 @@ from terraport_store import (
     StoreError,
 )
 from terraport_store.labels import encode_labels
+from terraport_store.layout import ENCODING
 from terraport_wire import BLOCK_BYTES, Hit, PullInfo
 
 __all__ = ["LabelsFile", "ServedScene"]
@@ -146,7 +147,7 @@ class ServedScene:
             pull=None if pull_base is None else _pull_view(scene, pull_base),
         )
         self.hashes = index.xxh3.data
-        """xxh3 of each GLB. A memoryview: one item of an array takes four times as long."""
+        """xxh3 of each payload. A memoryview: one item of an array takes four times as long."""
         self._failures: dict[str, SomePerMinute] = {}
         """Rate limit of log lines by event."""
         self._holders = 0
@@ -155,9 +156,9 @@ class ServedScene:
 
     @property
     def pack_path(self) -> str:
-        """Path of the GLB pack within the scene's folder; it contains the version."""
+        """Path of the pack within the scene's folder; it contains the version."""
         manifest = self.scene.manifest
-        return manifest.files[manifest.encodings["glb"].pack].path
+        return manifest.files[manifest.encodings[ENCODING].pack].path
 
     async def read(self, path: str, limit: int) -> bytes:
         """Read a loose file of the scene in a thread; ``limit`` bytes at most.
@@ -252,7 +253,7 @@ def _open(scene_id: str, location: Path | SceneFiles) -> tuple[Scene, RegionName
 def _pull_view(scene: Scene, base: str) -> PullView | None:
     """Return where clients fetch a scene's payloads; None where offsets exceed the wire format."""
     manifest = scene.manifest
-    pack = manifest.files[manifest.encodings["glb"].pack]
+    pack = manifest.files[manifest.encodings[ENCODING].pack]
     offsets = scene.rows.offset
     if int(offsets[-1]) // BLOCK_BYTES >= 1 << 32 or (offsets % BLOCK_BYTES).any():
         return None

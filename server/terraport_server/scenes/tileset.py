@@ -18,7 +18,7 @@ from terraport_server.scenes.served_scene import ServedScene
 from terraport_store import read_names
 from terraport_store.tiles.placing import place_scene
 from terraport_store.tiles.scene_tiles import SceneTiles
-from terraport_store.tiles.tile_glb import TileFacts, unlit_glb
+from terraport_store.tiles.tile_glb import TileFacts
 from terraport_store.tiles.tileset import Tileset
 
 __all__ = ["MAX_KEPT_BYTES", "ServedTiles", "TilesetCache"]
@@ -72,16 +72,6 @@ class TilesetCache:
             When pyproj or Pillow is not installed.
         """
         return (await self.tiles(served)).parts.get(name)
-
-    async def segment(self, served: ServedScene, number: int) -> bytes:
-        """Return a segment with unlit materials, like those of the base parts.
-
-        Raises
-        ------
-        StoreError, OSError
-            The segment cannot be read, or is incomplete.
-        """
-        return await self._in_thread(served, lambda: unlit_glb(served.scene.payload(number)))
 
     async def _tiles(self, served: ServedScene) -> ServedTiles:
         """Find or make the tiles; the caller holds the lock."""

@@ -77,7 +77,7 @@ class SegmentTable:
 
 @dataclass(frozen=True, slots=True)
 class PullView:
-    """Where pull clients fetch the ``glb`` payloads of a scene over HTTP."""
+    """Where pull clients fetch the payloads of a scene over HTTP."""
 
     info: PullInfo
     offsets: UInt64

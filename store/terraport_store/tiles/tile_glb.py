@@ -113,7 +113,7 @@ class TileFacts:
             classes["vertex"] = {"properties": attributes}
         return cls(
             manifest.step_m,
-            {info.name: AttributeScale(info.offset, info.step) for info in manifest.attributes},
+            manifest.scales,
             properties,
             columns if rows else {},
             {"id": "terraport", "classes": classes},
@@ -132,7 +132,7 @@ def encode_tile(mesh: SegmentMesh, facts: TileFacts) -> bytes:
     Returns
     -------
     bytes
-        One GLB, packed as a segment's payload is: positions on the scene's grid, bit by bit those
+        One GLB, compressed: positions on the scene's grid, bit by bit those
         of the scene. Same input, same bytes.
     """
     here: Int64 | None = None
@@ -184,12 +184,12 @@ def encode_tile(mesh: SegmentMesh, facts: TileFacts) -> bytes:
 
 
 def unlit_glb(glb: bytes | memoryview) -> bytes:
-    """Return a payload with unlit materials, as in all content of a tileset; nothing else changes.
+    """Return a GLB with unlit materials, as in all content of a tileset; nothing else changes.
 
     Raises
     ------
     PayloadError
-        The payload is not a GLB.
+        It is not a GLB.
     """
     document, binary, _ = split_glb(glb)
     _make_unlit(document)

@@ -28,7 +28,7 @@ from typing import Final
 
 import numpy as np
 
-from terraport_payload import Cover, SegmentMesh, Texture, encode_glb
+from terraport_payload import Cover, SegmentMesh, Texture, encode_glb, encode_segment
 from terraport_payload.types import Float64
 from terraport_store import BuildInfo, HandOff, Manifest, SceneInfo, SceneWriter, TextureInfo
 
@@ -58,10 +58,9 @@ FOOT: Final = np.array([1.5, 0.5, 0.0])
 def write_axes_scene(path: Path) -> Manifest:
     """Publish the scene; the same bytes on every run of one meshoptimizer."""
     meshes = axes_meshes()
-    glbs = [encode_glb(mesh, step_m=STEP_M, attribute_scales={}) for mesh in meshes]
     with SceneWriter(path) as writer:
-        for region, glb in enumerate(glbs):
-            writer.add_segment(glb, region=region)
+        for region, mesh in enumerate(meshes):
+            writer.add_segment(encode_segment(mesh, step_m=STEP_M, scales={}), region=region)
         base = _plate(DARK_RED, region=NAMES.index("plate"))
         covered = np.full(len(base.faces), NAMES.index("plate"), dtype=np.uint32)
         cover = Cover(np.arange(len(base.faces) + 1, dtype=np.uint32), covered)

@@ -87,7 +87,7 @@ def test_textures() -> None:
         assert stated is not None
         assert (stated.segments, stated.max_side, stated.media_types) == (2, 16, ("image/jpeg",))
         assert scene.manifest.has_colour is False
-        meshes = [decode_glb(scene.payload(segment)) for segment in range(4)]
+        meshes = [scene.mesh(segment) for segment in range(4)]
     assert [mesh.texture is not None for mesh in meshes] == [True, False, True, False]
     assert [mesh.colours is None for mesh in meshes] == [True, False, True, False]
 
@@ -99,7 +99,7 @@ def test_a_texture_of_the_base_alone() -> None:
         assert (stated.source, stated.segments, stated.base_side) == ("vertex", 0, 16)
         assert scene.manifest.has_colour is True
         base = decode(scene.base_path)
-        meshes = [decode_glb(scene.payload(segment)) for segment in range(4)]
+        meshes = [scene.mesh(segment) for segment in range(4)]
     assert base.texture is not None
     assert base.colours is None
     assert all(mesh.texture is None and mesh.colours is not None for mesh in meshes)
@@ -108,7 +108,7 @@ def test_a_texture_of_the_base_alone() -> None:
 def test_an_attribute_of_one_segment_alone() -> None:
     with Scene.open(HERE / "tiny-changed") as scene:
         names = [info.name for info in scene.manifest.attributes]
-        meshes = [decode_glb(scene.payload(segment)) for segment in range(4)]
+        meshes = [scene.mesh(segment) for segment in range(4)]
     assert names == ["grade", "height_change_m"]
     assert [list(mesh.attributes) for mesh in meshes] == [["grade"]] * 3 + [names]
     steps = meshes[3].attributes["height_change_m"]
@@ -118,7 +118,7 @@ def test_an_attribute_of_one_segment_alone() -> None:
 
 def test_the_axes_scene_is_what_it_is_said_to_be() -> None:
     with Scene.open(HERE / "axes") as scene:
-        meshes = [decode_glb(scene.payload(segment)) for segment in range(len(NAMES))]
+        meshes = [scene.mesh(segment) for segment in range(len(NAMES))]
         boxes = dict(zip(NAMES, scene.index.bounds.tolist(), strict=True))
         assert all(scene.cover.over(face).tolist() == [5] for face in range(scene.cover.base_faces))
     # The arrows: 4 m to +x, 6 m to -z (north), 3 m to +y, all from one place.

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from terraport_payload import AttributeScale, Cover, SegmentMesh, encode_glb
+from terraport_payload import AttributeScale, Cover, SegmentMesh, encode_glb, encode_segment
 from terraport_payload.types import Float32, Float64, Int32, UInt8
 from terraport_pipeline.published.mixed_model import HandOffModel
 from terraport_store import (
@@ -154,8 +154,8 @@ def publish_scene(
                 np.full(len(used), region, np.uint16),
                 {"grade": np.clip(positions[:, 0] / 100, 0, 1)},
             )
-            glb = encode_glb(mesh, step_m=STEP_M, attribute_scales={"grade": GRADE})
-            writer.add_segment(glb, region=region)
+            payload = encode_segment(mesh, step_m=STEP_M, scales={"grade": GRADE})
+            writer.add_segment(payload, region=region)
         # The base keeps the order of its faces: the cover is by face.
         level = SegmentMesh(
             base.vertices,

@@ -81,7 +81,7 @@ def test_the_segments_together_are_the_detail(scene: Path, inputs: Inputs) -> No
         step_m = opened.manifest.step_m
         triangles = []
         for number in range(opened.manifest.counts.segments):
-            mesh = decode_glb(opened.payload(number))
+            mesh = opened.mesh(number)
             triangles.append(mesh.positions[mesh.faces])
     expected = snap(detail.vertices, step_m)[detail.faces]
 
@@ -126,7 +126,7 @@ def test_values_come_back_within_their_step(scene: Path, inputs: Inputs) -> None
         assert set(info) == {"grade", "classification"}
         assert info["classification"].step == 1.0
         step_m = opened.manifest.step_m
-        mesh = decode_glb(opened.payload(0))
+        mesh = opened.mesh(0)
     snapped = snap(detail.vertices, step_m)
     _, first, times = np.unique(snapped, axis=0, return_index=True, return_counts=True)
     # Vertices nearer to each other than a step cannot be told apart.

@@ -34,7 +34,7 @@ def plain(tmp_path: Path) -> TinyScene:
 
 
 def payload_bytes(scene: TinyScene, *segments: int) -> int:
-    return sum(len(scene.glbs[segment]) for segment in segments)
+    return sum(len(scene.payloads[segment]) for segment in segments)
 
 
 def test_the_same_scene_elsewhere_is_the_same(plain: TinyScene, tmp_path: Path) -> None:

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from terraport.frames import to_scene
-from terraport_payload import decode_glb
 from terraport_pipeline.errors import (
     BuildLockedError,
     OptionError,
@@ -138,7 +137,7 @@ def test_a_known_point_of_the_survey_is_found_in_the_scene(built: Path) -> None:
     survey = np.array([[float(v) for v in row.split()] for row in rows])
     with Scene.open(built / "hill") as opened:
         manifest = opened.manifest
-        meshes = [decode_glb(opened.payload(i)) for i in range(manifest.counts.segments)]
+        meshes = [opened.mesh(i) for i in range(manifest.counts.segments)]
     vertices = np.concatenate([mesh.positions for mesh in meshes]).astype(np.float64)
     grade = np.concatenate([mesh.attributes["grade"] for mesh in meshes])
     origin = np.array(manifest.origin)

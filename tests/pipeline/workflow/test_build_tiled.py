@@ -11,7 +11,6 @@ from coloured_ground import cut_mesh, ground
 from memory_tiles import MemoryTiles
 from pipeline.one_piece import runner_in, surface_in_tiles
 
-from terraport_payload import decode_glb
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.options import regions as segment
 from terraport_pipeline.published.scene_model import load_scene_model
@@ -102,7 +101,7 @@ def test_segments_keep_their_bounds_and_lie_along_one_curve(scene) -> None:
         # Boxes of payloads are rounded to the grid: neighbours on the curve may change places.
         codes = morton_codes(middle).astype(np.float64)
         assert np.corrcoef(np.argsort(np.argsort(codes)), np.arange(len(codes)))[0, 1] > 0.999
-        mesh = decode_glb(opened.payload(0))
+        mesh = opened.mesh(0)
         assert np.nanmax(np.abs(mesh.attributes["height"] - mesh.positions[:, 1])) < 2e-3
 
 

@@ -96,7 +96,7 @@ def test_every_segment_and_the_base_have_an_image(scene) -> None:
         assert textures.segments == opened.manifest.counts.segments > 4
         assert textures.texel_m == pytest.approx(0.2, rel=0.3)
         for number in range(textures.segments):
-            mesh = decode_glb(opened.payload(number))
+            mesh = opened.mesh(number)
             assert mesh.texture is not None
             assert mesh.colours is None
 
@@ -152,7 +152,7 @@ def test_without_textures_the_base_alone_has_an_image(tmp_path) -> None:
         assert manifest.textures is not None
         assert (manifest.textures.segments, manifest.textures.base_side) == (0, 512)
         base = decode_glb(opened.base_path.read_bytes())
-        meshes = [decode_glb(opened.payload(number)) for number in range(len(opened.index))]
+        meshes = [opened.mesh(number) for number in range(len(opened.index))]
     assert base.texture is not None
     assert base.colours is None
     assert all(mesh.texture is None and mesh.colours is not None for mesh in meshes)

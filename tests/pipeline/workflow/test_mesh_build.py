@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from terraport_payload import decode_glb
 from terraport_payload.types import Float64, Int32, UInt8
 from terraport_pipeline.engines.mesh_files.read_mesh import read_mesh
 from terraport_pipeline.errors import OptionError, PipelineError, ReadError, SurveyError
@@ -106,7 +105,7 @@ def test_the_scene_is_the_mesh_face_for_face(built: tuple[Path, Path]) -> None:
         assert manifest.textures.source == "mesh"
         assert str(SceneColour.of(manifest)) == "from the images of the mesh, as textures"
         assert manifest.build.options["mesh"] == {"up": "z"}
-        detail = [decode_glb(scene.payload(i)) for i in range(manifest.counts.segments)]
+        detail = [scene.mesh(i) for i in range(manifest.counts.segments)]
     centres = np.concatenate([mesh.positions[mesh.faces].mean(axis=1) for mesh in detail])
     got = np.sort(centres, axis=0)
     want = given.vertices[given.faces].mean(axis=1) - [12, 12, 0]
@@ -127,7 +126,7 @@ def test_texels_are_those_of_the_mesh(built: tuple[Path, Path]) -> None:
     differences = []
     with Scene.open(path) as scene:
         for row in range(scene.manifest.counts.segments):
-            mesh = decode_glb(scene.payload(row))
+            mesh = scene.mesh(row)
             assert mesh.texture is not None
             assert mesh.uvs is not None
             assert max(mesh.texture.width, mesh.texture.height) <= 2048

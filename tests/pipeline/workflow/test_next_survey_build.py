@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from terraport_payload import SegmentMesh, decode_glb
+from terraport_payload import SegmentMesh
 from terraport_payload.types import Float64
 from terraport_pipeline.options import reconstruct
 from terraport_pipeline.options import regions as segment
@@ -55,7 +55,7 @@ def publish(folder: Path, points: Float64, name: str) -> Path:
 
 
 def payloads(scene: Scene) -> list[SegmentMesh]:
-    return [decode_glb(scene.payload(segment)) for segment in range(len(scene.index))]
+    return [scene.mesh(segment) for segment in range(len(scene.index))]
 
 
 @pytest.fixture(scope="module")

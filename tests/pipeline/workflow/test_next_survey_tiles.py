@@ -18,7 +18,7 @@ from coloured_ground import cut_mesh, ground
 from memory_tiles import MemoryTiles
 from pipeline.one_piece import runner_in, surface_in_tiles
 
-from terraport_payload import SegmentMesh, decode_glb
+from terraport_payload import SegmentMesh
 from terraport_payload.types import Bool
 from terraport_pipeline.geometry.clouds.change_raster import ChangeRaster
 from terraport_pipeline.geometry.clouds.height_changes import HeightChanges
@@ -137,7 +137,7 @@ def change_of(
 
 def payloads(folder: Path) -> list[SegmentMesh]:
     with Scene.open(folder / "scene") as opened:
-        return [decode_glb(opened.payload(number)) for number in range(len(opened.index))]
+        return [opened.mesh(number) for number in range(len(opened.index))]
 
 
 def published(folder: Path) -> Version:

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from terraport_payload import decode_glb
 from terraport_pipeline.engines.images import decode_image
 from terraport_pipeline.options.texturing import Texturing
 from terraport_pipeline.workflow.build import BuildOptions, build
@@ -29,7 +28,7 @@ def test_brighton_beach(shared_data: Path, tmp_path: Path) -> None:
     assert 0.02 < counts["gsd_m"] < 0.06
     assert validate_scene(tmp_path / "b") == []
     with Scene.open(tmp_path / "b") as scene:
-        meshes = [decode_glb(scene.payload(number)) for number in range(len(scene.index))]
+        meshes = [scene.mesh(number) for number in range(len(scene.index))]
     for mesh in meshes:
         assert mesh.texture is not None
         assert mesh.uvs is not None

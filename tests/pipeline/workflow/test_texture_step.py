@@ -46,7 +46,7 @@ def field(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def payloads(scene: Scene) -> Iterator[SegmentMesh]:
     for number in range(len(scene.index)):
-        yield decode_glb(scene.payload(number))
+        yield scene.mesh(number)
 
 
 def shown(mesh: SegmentMesh, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -11,8 +11,9 @@ from terraport.errors import MissingExtraError
 from terraport.landing import Landing
 from terraport.mesh import mixed_model, write_glb
 from terraport.obj import write_obj
+from terraport.payloads import scales_of
 from terraport.textures import vertex_colours
-from terraport_payload import AttributeScale, SegmentMesh
+from terraport_payload import SegmentMesh
 
 __all__ = ["require_pictures", "write_landing"]
 
@@ -50,10 +51,7 @@ def write_landing(
     if glb is not None:
         # Sunk at the rim, since a file has no eye to push the base away from.
         model = mixed_model(base, segments, sink_rim_m=deviation_m)
-        scales = {
-            attribute["name"]: AttributeScale(attribute["offset"], attribute["step"])
-            for attribute in manifest["attributes"]
-        }
+        scales = scales_of(manifest)
         if glb.suffix.lower() == ".obj":
             size = write_obj(model, glb)
         else:

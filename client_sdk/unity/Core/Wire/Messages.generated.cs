@@ -625,7 +625,7 @@ namespace Terraport.Wire
             new Field("protocol", true, new VersionKind()),
             new Field("client", true, new TextKind(0, 128, null)),
             new Field("token", false, new TextKind(0, 4096, null)),
-            new Field("encoding", true, new ChoiceKind("glb")),
+            new Field("encoding", true, new ChoiceKind("segment-2")),
             new Field("budgets", true, new PartKind(() => new BudgetsPart(), "budgets")),
             new Field("credit_bytes", true, new IntegerKind(0L, 9007199254740991L)),
             new Field("release_factor", false, new NumberKind(1.0, 4.0, false)),

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from terraport_payload.segment_format import MAX_ATTRIBUTES
 from terraport_pipeline.engines.readers.attribute_names import distinct_names
 from terraport_pipeline.engines.readers.survey_colours import ColourRule, choose_rule
 from terraport_pipeline.engines.readers.survey_column import SurveyColumn
@@ -21,6 +22,9 @@ __all__ = ["Layout", "decide_layout"]
 
 _EIGHT: Final = 255.0
 _SIXTEEN: Final = 65535.0
+
+_MOST_ATTRIBUTES: Final = MAX_ATTRIBUTES - 1
+"""Attributes that are read; one more is the build's own, the change of height."""
 
 _DARK: Final = 0.05
 """Share of points with values up to 255 in 16-bit files above which the whole survey is dark."""
@@ -85,9 +89,13 @@ def decide_layout(spooled: Sequence[Spooled], survey: SurveyFiles) -> tuple[Layo
     # has one, else NaN. Whole numbers become float64 for that, which the clean stage knows of.
     names, dtypes, fills = [], [], []
     whole: list[str] = []
+    left_out: list[str] = []
     gaps: dict[str, list[str]] = {}
     for name, column in joined.items():
         if column.says_nothing:
+            continue
+        if len(names) == _MOST_ATTRIBUTES:
+            left_out.append(name)
             continue
         dtype, fill = column.narrowed, 0.0
         if dtype.kind == "f" and any(name in part.stream.whole for part in spooled):
@@ -103,6 +111,11 @@ def decide_layout(spooled: Sequence[Spooled], survey: SurveyFiles) -> tuple[Layo
         names.append(name)
         dtypes.append(dtype)
         fills.append(fill)
+    if left_out:
+        warnings.append(
+            f"The survey has {len(names) + len(left_out)} attributes, expected at most "
+            f"{_MOST_ATTRIBUTES}: {listed(left_out)} are left out."
+        )
     renamed, notes = distinct_names(names)
     warnings += notes
     for name in names:

@@ -28,7 +28,7 @@ def hashes_of(segmented: TiledSegmented, payloads: PayloadFiles) -> UInt64:
     hashes = np.empty(len(segmented.tile), np.uint64)
     for tile in np.unique(segmented.tile).tolist():
         rows = segmented.tile == tile
-        hashes[rows] = payloads(tile).arrays["glb_xxh3"][segmented.within[rows]]
+        hashes[rows] = payloads(tile).arrays["payload_xxh3"][segmented.within[rows]]
     return hashes
 
 
@@ -40,8 +40,8 @@ def payloads_by_number(
     for tile, within in zip(segmented.tile.tolist(), segmented.within.tolist(), strict=True):
         if tile not in tables:
             arrays = payloads(tile).arrays
-            small = {name: np.array(arrays[name]) for name in arrays if name != "glb"}
-            small["starts"] = np.concatenate([[0], np.cumsum(arrays["glb_length"])])
+            small = {name: np.array(arrays[name]) for name in arrays if name != "payload"}
+            small["starts"] = np.concatenate([[0], np.cumsum(arrays["payload_length"])])
             small["segments"] = np.array(np.count_nonzero(segmented.tile == tile))
             tables[tile] = arrays, small
         arrays, small = tables[tile]
@@ -49,7 +49,7 @@ def payloads_by_number(
         begin, end = small["starts"][row : row + 2]
         coarser = {name: int(small[name][row]) for name in ("region", "region_count") if level}
         yield Payload(
-            glb=arrays["glb"][begin:end].tobytes(),
+            data=arrays["payload"][begin:end].tobytes(),
             bounds=tuple(small["bounds"][row].tolist()),
             vertices=int(small["vertices"][row]),
             faces=int(small["faces"][row]),

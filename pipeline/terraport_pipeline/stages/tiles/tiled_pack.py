@@ -122,7 +122,7 @@ class Scales:
 
     step_m: float
     attributes: dict[str, AttributeScale]
-    """Quantisation of every attribute."""
+    """Quantisation of every attribute, in the order of the segments' masks."""
 
     def stands(self, extents: Extents) -> bool:
         """Say whether all that a scene spans can be rounded so: nothing is ever clipped."""
@@ -136,10 +136,10 @@ class Scales:
         )
 
     def recorded(self) -> dict[str, Any]:
-        """Plain values, for the keys of the payloads."""
+        """Plain values, for the keys of the payloads; order matters, so attributes are a list."""
         return {
             "step_m": self.step_m,
-            "attributes": {n: [s.offset, s.step] for n, s in self.attributes.items()},
+            "attributes": [[n, s.offset, s.step] for n, s in self.attributes.items()],
         }
 
 
@@ -149,7 +149,7 @@ SCALES_FORM: Final[Form[Scales]] = Form(
         float(stored.values["step_m"]),
         {
             name: AttributeScale(float(offset), float(step))
-            for name, (offset, step) in stored.values["attributes"].items()
+            for name, offset, step in stored.values["attributes"]
         },
     ),
     facts=lambda scales: Facts({"step_m": scales.step_m}),
@@ -214,7 +214,7 @@ def encode(
     Returns
     -------
     Stored
-        ``glb``: payloads one after the other in order of the segments, those of a coarser level
+        ``payload``: payloads one after the other in order of the segments, those of a coarser level
         behind them, with their lengths and hashes; boxes and counts; value ``height_change``: least
         and greatest height difference, where any was written.
     """
@@ -237,10 +237,10 @@ def encode(
         "bounds": np.array([payload.bounds for payload in payloads], np.float64),
         "vertices": np.array([payload.vertices for payload in payloads], np.int64),
         "faces": np.array([payload.faces for payload in payloads], np.int64),
-        "glb": np.frombuffer(b"".join(payload.glb for payload in payloads), np.uint8),
-        "glb_length": np.array([len(payload.glb) for payload in payloads], np.int64),
-        "glb_xxh3": np.array(
-            [xxhash.xxh3_64_intdigest(payload.glb) for payload in payloads], np.uint64
+        "payload": np.frombuffer(b"".join(payload.data for payload in payloads), np.uint8),
+        "payload_length": np.array([len(payload.data) for payload in payloads], np.int64),
+        "payload_xxh3": np.array(
+            [xxhash.xxh3_64_intdigest(payload.data) for payload in payloads], np.uint64
         ),
     }
     if levels > 1:  # of the detail the segments tell
@@ -332,19 +332,19 @@ def publish(
         payload_bytes = []
         for number, payload in enumerate(payloads_by_number(segmented, payloads)):
             writer.add_segment(
-                payload.glb,
+                payload.data,
                 region=int(segmented.main_region[number]),
                 region_count=int(segmented.region_counts[number]),
                 bounds=payload.bounds,
                 vertices=payload.vertices,
                 faces=payload.faces,
             )
-            payload_bytes.append(len(payload.glb))
+            payload_bytes.append(len(payload.data))
             progress.advance(1)
         for level in range(1, options.levels):
             for payload in payloads_by_number(segmented, payloads, level):
                 writer.add_segment(
-                    payload.glb,
+                    payload.data,
                     region=payload.region,
                     region_count=payload.region_count,
                     bounds=payload.bounds,
@@ -408,15 +408,17 @@ def _hashes_before(scene_dir: Path) -> UInt64:
 def _attribute_infos(
     ranges: Mapping[str, AttributeRange], scales: Mapping[str, AttributeScale]
 ) -> tuple[AttributeInfo, ...]:
+    """Describe attributes in the order of their scales, which is that of the segments' masks."""
     infos = []
-    for name, value_range in ranges.items():
+    for name, scale in scales.items():
+        value_range = ranges[name]
         has_values = value_range.low <= value_range.high
         infos.append(
             AttributeInfo(
                 name=name,
                 gltf_name=gltf_attribute_name(name),
-                offset=scales[name].offset,
-                step=scales[name].step,
+                offset=scale.offset,
+                step=scale.step,
                 min=value_range.low if has_values else None,
                 max=value_range.high if has_values else None,
             )

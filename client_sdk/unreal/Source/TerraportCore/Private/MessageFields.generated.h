@@ -115,7 +115,7 @@ struct FieldsOf<HelloMessage> {
     return visitor.field("protocol", message.protocol, VersionKind{}) &&
            visitor.field("client", message.client, TextKind{0, 128, TextPattern::Any}) &&
            visitor.field("token", message.token, TextKind{0, 4096, TextPattern::Any}) &&
-           visitor.field("encoding", message.encoding, choiceOf("glb")) &&
+           visitor.field("encoding", message.encoding, choiceOf("segment-2")) &&
            visitor.field("budgets", message.budgets, PartKind{}) &&
            visitor.field("credit_bytes", message.creditBytes, IntegerKind{0, 9007199254740991}) &&
            visitor.field("release_factor", message.releaseFactor, NumberKind{1.0, 4.0, false}) &&

@@ -177,7 +177,7 @@ export interface HelloMessage {
   /** Bearer token, where it was not given before. */
   readonly token?: string | undefined;
   /** Payload encoding that the client wants. */
-  readonly encoding: "glb";
+  readonly encoding: "segment-2";
   /** Hard bounds of every landing. */
   readonly budgets: BudgetsPart;
   /** First credit: payload bytes that may be sent at once. */
@@ -629,7 +629,7 @@ export const MESSAGES: MessageTable = {
       { name: "protocol", required: true, kind: { name: "version" } },
       { name: "client", required: true, kind: { name: "text", shortest: 0, longest: 128, pattern: null } },
       { name: "token", required: false, kind: { name: "text", shortest: 0, longest: 4096, pattern: null } },
-      { name: "encoding", required: true, kind: { name: "choice", options: ["glb"] } },
+      { name: "encoding", required: true, kind: { name: "choice", options: ["segment-2"] } },
       { name: "budgets", required: true, kind: { name: "part", part: "budgets" } },
       { name: "credit_bytes", required: true, kind: { name: "integer", low: 0, high: 9007199254740991 } },
       { name: "release_factor", required: false, kind: { name: "number", low: 1.0, high: 4.0, lowExcluded: false } },
