@@ -28,11 +28,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from terraport_payload import AttributeScale, SegmentMesh, box_distances_m, decode_glb, encode_glb
+from terraport_payload import SegmentMesh, box_distances_m, decode_glb, decode_segment
 from terraport_pipeline.engines.coarser import coarser
 from terraport_pipeline.engines.images import decode_image
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.cover.handoff_rays import hidden_base_faces
+from terraport_pipeline.stages.pack import encode_payload
 from terraport_store import Scene
 
 SURVEY: Final = Path(__file__).resolve().parents[1] / "data" / "sample_quarry_60k.laz"
@@ -113,13 +114,11 @@ class Bench:
             coarse = [scene.mesh(count + segment) for segment in range(count)]
             lengths = scene.rows.length[count:].astype(np.int64)
         else:
-            scales = {a.name: AttributeScale(a.offset, a.step) for a in scene.manifest.attributes}
-            step_m = scene.manifest.step_m
+            scales, step_m = scene.manifest.scales, scene.manifest.step_m
             payloads = [
-                encode_glb(coarser(mesh, share), step_m=step_m, attribute_scales=scales)
-                for mesh in detail
+                encode_payload(coarser(mesh, share), step_m, scales).data for mesh in detail
             ]
-            coarse = [decode_glb(payload) for payload in payloads]
+            coarse = [decode_segment(payload, scales=scales) for payload in payloads]
             lengths = np.array([len(payload) for payload in payloads])
         base = decode_glb(scene.base_path.read_bytes())
         self.image = None if base.texture is None else decode_image(base.texture.data)

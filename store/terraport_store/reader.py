@@ -18,7 +18,7 @@ from typing import Any, Final, Self
 import numpy as np
 import xxhash
 
-from terraport_payload import Cover, SegmentMesh, decode_segment
+from terraport_payload import Cover, SegmentMesh, decode_segment, encode_glb
 from terraport_payload.cover import MAX_COVER_BYTES
 from terraport_payload.types import Int64
 from terraport_store.errors import (
@@ -305,6 +305,13 @@ class Scene:
         """
         data = self.payload(segment_id, recheck=recheck)
         return decode_segment(data, scales=self.manifest.scales)
+
+    def glb(self, segment_id: int) -> bytes:
+        """Make a GLB of one segment, for programs that know glTF; errors as for :meth:`mesh`."""
+        manifest = self.manifest
+        return encode_glb(
+            self.mesh(segment_id), step_m=manifest.step_m, attribute_scales=manifest.scales
+        )
 
     def compare(self, segment_id: int, encoding: str, data: bytes | memoryview) -> bool:
         """Compare a whole payload that the caller has read with its hash, as :meth:`payload` does.

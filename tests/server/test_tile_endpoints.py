@@ -59,8 +59,7 @@ def test_every_address_of_the_tileset_answers(http: httpx.Client) -> None:
             assert "KHR_materials_unlit" in document["extensionsUsed"]
             if found := re.match(r"tiles/segments/(\d+)\.glb", uri):
                 seen.add(int(found[1]))
-                payload = scene.payload(int(found[1]))
-                assert binary == split_glb(payload)[1]
+                assert binary == split_glb(scene.glb(int(found[1])))[1]
         assert seen == set(range(len(scene.index)))
     assert len(set(named)) == len(named)
 

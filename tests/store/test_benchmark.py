@@ -15,4 +15,4 @@ def test_benchmark_runs_and_agrees(tmp_path: Path) -> None:
     subprocess.run(command, check=True, capture_output=True, timeout=120)
     results = json.loads(out.read_text())
     assert results["index"]["bytes_per_segment"] < 128
-    assert results["payload"][0]["glb"]["bytes_per_triangle"] < 25
+    assert results["payload"][0]["segment"]["bytes_per_triangle"] < 25

@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from terraport_payload import PayloadError
 from terraport_pipeline.engines.gltf_validator import GltfCheck, check_gltf
 from terraport_pipeline.engines.pictures import save_png
 from terraport_pipeline.engines.rays import RayScene
@@ -27,6 +28,7 @@ from terraport_pipeline.validate.level_mixes import LevelMixReport, check_level_
 from terraport_pipeline.validate.scene_windows import prove_in_windows, segments_around
 from terraport_pipeline.validate.worst_place import compare_at
 from terraport_store import Manifest, Scene, SceneFiles, StoreError, read_manifest, scene_files
+from terraport_store.layout import OVERVIEW
 from terraport_store.validate import Finding, validate_scene
 
 __all__ = ["ValidationOptions", "ValidationResult", "validate"]
@@ -237,10 +239,12 @@ def _judge(
     try:
         with Scene.open(files) as scene:
             payloads["base"] = scene.base_path.read_bytes()
+            if OVERVIEW in scene.manifest.files:
+                payloads["overview"] = scene.file_path(OVERVIEW).read_bytes()
             count = len(scene.index)
             for segment in np.unique(np.linspace(0, count - 1, min(sample, count)).astype(int)):
-                payloads[f"segment {segment}"] = bytes(scene.payload(int(segment)))
-    except (StoreError, OSError) as error:
+                payloads[f"segment {segment}"] = scene.glb(int(segment))
+    except (PayloadError, StoreError, OSError) as error:
         watcher.done({})
         return GltfCheck(0, not_run=str(error))
     result = check_gltf(payloads, announce=announce)

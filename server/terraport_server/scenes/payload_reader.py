@@ -16,10 +16,10 @@ import asyncio
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
+from functools import partial
 from time import monotonic
 from typing import Any, Final
 
-from terraport_payload import encode_glb
 from terraport_server.session.interface import SendChunk
 from terraport_server.session.rate_limit import RatesByName
 from terraport_store import RangeError, Scene, read_cached
@@ -188,14 +188,7 @@ class PayloadReader:
         OSError
             When the disk fails.
         """
-        scene = self._scene
-
-        def work() -> bytes:
-            manifest = scene.manifest
-            return encode_glb(
-                scene.mesh(segment), step_m=manifest.step_m, attribute_scales=manifest.scales
-            )
-
+        work = partial(self._scene.glb, segment)
         return await asyncio.shield(self._run(segment, ENCODING, work))
 
     def reject(self, segment: int, client: str) -> None:
