@@ -51,7 +51,6 @@ from terraport_wire import (
     Notice,
     Pick,
     Plan,
-    Ready,
     Reject,
     Roster,
     Superseded,
@@ -163,17 +162,17 @@ def test_the_observer_hears_of_times_and_bytes() -> None:
     heard: list[Any] = []
 
     class Ear(Observer):
-        def planned(self, generation: int, plan: Plan) -> None:
-            heard.append(("planned", generation, plan.load_bytes))
+        def planned(self, generation: int, **counts: int) -> None:
+            heard.append(("planned", generation, counts["payload_bytes"]))
 
         def first_byte(self, seconds: float) -> None:
             heard.append(("first byte", seconds))
 
-        def ready(self, message: Ready, seconds: float) -> None:
-            heard.append(("ready", message.generation, seconds))
+        def ready(self, generation: int, *, seconds: float, **counts: int) -> None:
+            heard.append(("ready", generation, seconds))
 
-        def superseded(self, message: Superseded, *, landing: bool) -> None:
-            heard.append(("superseded", message.unsent_bytes, landing))
+        def superseded(self, generation: int, unsent_bytes: int, *, landing: bool) -> None:
+            heard.append(("superseded", unsent_bytes, landing))
 
     scene = make_scene()
     session = Session(scene, SessionLimits(), session_id="s", now_s=0.0, observer=Ear())

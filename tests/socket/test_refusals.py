@@ -184,7 +184,9 @@ def test_no_common_subprotocol(server: BackgroundServer) -> None:
         with PlainClient(server.scene_url("grid"), offered=offered) as client:
             assert client.socket.subprotocol is None
             assert client.closed() == 4409
-            assert client.socket.close_reason == "offered: terraport.v1.msgpack"
+            assert (
+                client.socket.close_reason == "offered: terraport.v2.msgpack, terraport.v1.msgpack"
+            )
 
 
 def test_an_unknown_scene(server: BackgroundServer) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+from collections.abc import Mapping
 from typing import Any
 
 import msgpack
@@ -70,6 +71,7 @@ def decode(
     direction: Direction,
     *,
     max_bytes: int | None = None,
+    messages: Mapping[Direction, Mapping[str, type[Message]]] = MESSAGES,
 ) -> Message | Unknown:
     """Return the message that bytes hold.
 
@@ -81,6 +83,8 @@ def decode(
         Who sent it.
     max_bytes : int, optional
         Stricter limit than the protocol's own for this direction.
+    messages : mapping, optional
+        Message class by direction and type, of a version of the protocol.
 
     Returns
     -------
@@ -100,7 +104,7 @@ def decode(
     limit = _LIMITS[direction] if max_bytes is None else min(max_bytes, _LIMITS[direction])
     data = _whole_bytes(data, limit)
     leading = leading_type(data)
-    if leading is not None and leading not in MESSAGES[direction]:
+    if leading is not None and leading not in messages[direction]:
         return Unknown(leading[:_LONGEST_TYPE])  # whatever else it holds costs nothing
     plain = _plain(data, direction)
     if not isinstance(plain, dict):
@@ -108,7 +112,7 @@ def decode(
     type_name = plain.get("type")
     if not isinstance(type_name, str):
         raise MalformedError(f"got type {clip(type_name)}, expected text")
-    message = MESSAGES[direction].get(type_name)
+    message = messages[direction].get(type_name)
     if message is None:
         return Unknown(type_name[:_LONGEST_TYPE])
     try:

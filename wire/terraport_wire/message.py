@@ -22,7 +22,7 @@ __all__ = ["Direction", "Field", "Message", "Part", "PartKind", "PartList", "fie
 
 
 # Filled once per class; keyed by name because dataclass(slots=True) makes each class twice.
-_FIELDS: dict[str, tuple[Field, ...]] = {}
+_FIELDS: dict[tuple[str, str], tuple[Field, ...]] = {}
 
 
 @unique
@@ -192,9 +192,10 @@ class PartList:
 
 def fields_of(part: type[Part]) -> tuple[Field, ...]:
     """Return the fields of a message or part class, in order of declaration."""
-    fields = _FIELDS.get(part.__qualname__)
+    name = (part.__module__, part.__qualname__)
+    fields = _FIELDS.get(name)
     if fields is None:
-        fields = _FIELDS[part.__qualname__] = _read_fields(part)
+        fields = _FIELDS[name] = _read_fields(part)
     return fields
 
 

@@ -27,6 +27,7 @@ from terraport_server.http.links import (
     service_links,
 )
 from terraport_server.http.payloads import pack_routes, payload_routes
+from terraport_server.http.plans import plan_routes
 from terraport_server.http.responses import (
     CHECK,
     OpenFileResponse,
@@ -58,7 +59,7 @@ _MAX_REPORT_BYTES = 64 << 20
 
 def add_routes(app: FastAPI) -> None:
     """Add the endpoints and error handlers; ``app.state.service`` must be set."""
-    for routes in (tile_routes, stroke_routes, payload_routes, _router, pack_routes):
+    for routes in (tile_routes, stroke_routes, payload_routes, _router, plan_routes, pack_routes):
         app.include_router(routes)
     app.add_exception_handler(AccessError, _access_refused)
     app.add_exception_handler(UnknownSceneError, _unknown_scene)

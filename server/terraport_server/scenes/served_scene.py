@@ -15,6 +15,7 @@ from urllib.parse import quote
 
 import xxhash
 
+from terraport_payload.hidden import HiddenFaces
 from terraport_payload.texture import gpu_texture_bytes
 from terraport_server.session.interface import PullView, SceneView
 from terraport_server.descriptors import is_shortage
@@ -145,6 +146,7 @@ class ServedScene:
             },
             within=scene.within,
             pull=None if pull_base is None else _pull_view(scene, pull_base),
+            hidden_faces=HiddenFaces(scene.cover, scene.manifest.counts.segments),
         )
         self.hashes = index.xxh3.data
         """xxh3 of each payload. A memoryview: one item of an array takes four times as long."""

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
+from terraport_payload.hidden import HiddenFaces
 from terraport_payload.types import Float32, Int64, UInt32, UInt64
 from terraport_server.groups.state import Place
 from terraport_wire import (
@@ -19,11 +20,8 @@ from terraport_wire import (
     Gather,
     Join,
     Message,
-    Plan,
     PullInfo,
-    Ready,
     Reject,
-    Superseded,
 )
 
 __all__ = [
@@ -97,6 +95,8 @@ class SceneView:
     """Return the ids of segments whose box is within a radius of a point; metres, scene frame."""
     pull: PullView | None = None
     """None if the scene cannot be pulled."""
+    hidden_faces: HiddenFaces | None = None
+    """None only for tests of protocol 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,8 +176,10 @@ Action = SendMessage | SendChunk | MakePlan | RunPick | Close
 class Observer:
     """Callbacks for metrics and logs, called synchronously. This one does nothing."""
 
-    def planned(self, generation: int, plan: Plan) -> None:
-        """Record an accepted and planned landing."""
+    def planned(
+        self, generation: int, *, load: int, keep: int, payload_bytes: int, omitted: int
+    ) -> None:
+        """Record a planned landing: segments to send and not, their bytes, and left out ones."""
 
     def plan_sent(self, generation: int, seconds: float) -> None:
         """Record a plan's hand-over to the socket, in seconds since ``land`` was received."""
@@ -185,10 +187,12 @@ class Observer:
     def first_byte(self, seconds: float) -> None:
         """Record a landing's first payload byte, in seconds since ``land`` was received."""
 
-    def ready(self, message: Ready, seconds: float) -> None:
+    def ready(
+        self, generation: int, *, segments: int, payload_bytes: int, missing: int, seconds: float
+    ) -> None:
         """Record the ``ready`` of a landing, in seconds since ``land`` was received."""
 
-    def superseded(self, message: Superseded, *, landing: bool) -> None:
+    def superseded(self, generation: int, unsent_bytes: int, *, landing: bool) -> None:
         """Record a generation that ended unfinished."""
 
     def aim_ended(self, sent_bytes: int, used_bytes: int) -> None:

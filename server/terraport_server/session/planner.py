@@ -27,6 +27,7 @@ __all__ = [
     "Budgets",
     "Planner",
     "Selection",
+    "budget_prefix",
     "find_candidates",
     "gpu_bytes",
     "select",
@@ -260,7 +261,7 @@ def select(
     # Longest prefix within all budgets. Shown rows first: a kept row may be nearer than the ring.
     order = wanted[np.lexsort((ids[wanted], distances[wanted], ~in_radius[wanted]))]
     ids, distances, in_radius, held = ids[order], distances[order], in_radius[order], held[order]
-    count, omitted_by = _budget_prefix(table, ids, budgets)
+    count, omitted_by = budget_prefix(table, ids, budgets)
 
     within = int(np.count_nonzero(in_radius))
     nearby = ids[within:count]
@@ -321,7 +322,7 @@ def _totals(table: SegmentTable, ids: Int64) -> tuple[int, int]:
     return int(lengths.sum(dtype=np.int64)), int(faces.sum(dtype=np.int64))
 
 
-def _budget_prefix(table: SegmentTable, ids: Int64, budgets: Budgets) -> tuple[int, str | None]:
+def budget_prefix(table: SegmentTable, ids: Int64, budgets: Budgets) -> tuple[int, str | None]:
     """Return the length of the longest prefix within all budgets, and the budget that ended it.
 
     If two budgets end at the same segment, the first in this order is returned: segments,

@@ -26,6 +26,7 @@ from terraport_server.session.interface import (
     SendMessage,
     SessionLimits,
 )
+from terraport_server.session.landings import Landings
 from terraport_server.session.rate_limit import HELD_ROWS_PER_MESSAGE, RateLimit
 from terraport_server.session.transfers import Transfers
 from terraport_wire import (
@@ -37,6 +38,7 @@ from terraport_wire import (
     CloseCode,
     Credit,
     DecodeError,
+    Direction,
     Error,
     ErrorCode,
     Evict,
@@ -59,6 +61,9 @@ from terraport_wire import (
     ServerLimits,
     Unknown,
     Welcome,
+    decode,
+    frame_header,
+    protocol_2,
 )
 
 __all__ = ["INTERNAL_TEXT", "UNAUTHORISED_TEXT", "Session", "no_hello_text"]
@@ -131,7 +136,7 @@ class Session:
         self._open_picks = 0
         self._published: str | None = None
         """Newest scene version published before the welcome."""
-        self._transfers: Transfers | None = None
+        self._transfers: Transfers | Landings | None = None
 
     @property
     def pending(self) -> int:
@@ -153,8 +158,8 @@ class Session:
         return self._transfers.encoding
 
     @property
-    def transfers(self) -> Transfers | None:
-        """State of landings, aims and held segments, read-only; None before the welcome."""
+    def transfers(self) -> Transfers | Landings | None:
+        """State of landings, read-only; None before the welcome."""
         return self._transfers
 
     def upcoming(self, most: int) -> list[int]:
@@ -206,6 +211,20 @@ class Session:
         self._close_if_drained()
         return looked_at
 
+    def decode(self, data: bytes | str, max_bytes: int) -> Message | Unknown:
+        """Decode a message of the client; raises DecodeError."""
+        return decode(data, Direction.CLIENT_TO_SERVER, max_bytes=max_bytes)
+
+    def frame_header(self, chunk: SendChunk, offset: int, length: int) -> bytes:
+        """Return the header of a frame with ``length`` bytes of a chunk's segment."""
+        return frame_header(
+            generation=chunk.generation,
+            segment=chunk.segment,
+            offset=offset,
+            total=chunk.total,
+            length=length,
+        )
+
     def next_chunks(self, most_bytes: int) -> list[SendChunk]:
         """Return payload to send, ending with the chunk that reaches ``most_bytes``.
 
@@ -219,37 +238,49 @@ class Session:
         """Handle one decoded message; before ``hello`` any other message is fatal."""
         if not self._admit(now_s):
             return
-        transfers = self._transfers
-        if isinstance(message, Hello):
+        if isinstance(message, Unknown):
+            if self._transfers is None:
+                text = "got an unknown type first, expected hello"
+                self._fatal(ErrorCode.OUT_OF_ORDER, text)
+        elif message.TYPE == Hello.TYPE:
             self._on_hello(message)
-        elif transfers is None:
-            what = "an unknown type" if isinstance(message, Unknown) else message.TYPE
-            self._fatal(ErrorCode.OUT_OF_ORDER, f"got {what} first, expected hello")
-        elif isinstance(message, Land | Aim):
-            if self._take_generation(message.generation) and self._may_go(message):
-                if isinstance(message, Land):
-                    transfers.land(message, now_s)
-                    self._place = message.position
-                    if self._groups is not None:
-                        self._groups.landed(message.position, now_s)
-                else:
-                    transfers.aim(message, now_s)
+        elif self._transfers is None:
+            self._fatal(ErrorCode.OUT_OF_ORDER, f"got {message.TYPE} first, expected hello")
         elif isinstance(message, Credit):
-            transfers.grant(message.bytes, now_s)
-        elif isinstance(message, Evict):
-            self._on_evict(message, transfers)
-        elif isinstance(message, Reject):
-            self._on_reject(message, transfers, now_s)
+            self._transfers.grant(message.bytes, now_s)
         elif isinstance(message, Pick):
             self._on_pick(message)
-        elif isinstance(message, Held):
-            self._on_held(message, transfers, now_s)
         elif isinstance(message, _GroupMessage):
             self._on_group_message(message, now_s)
         elif isinstance(message, Bye):
             self._leave_group(now_s)
             self._actions.clear()
             self._close(CloseCode.NORMAL, "bye")
+        else:
+            self._on_landing_message(message, now_s)
+
+    def _on_landing_message(self, message: Message, now_s: float) -> None:
+        """Handle a message about landings and held segments."""
+        transfers = self._transfers
+        assert isinstance(transfers, Transfers)
+        if isinstance(message, Land | Aim):
+            if self._take_generation(message.generation) and self._may_go(message):
+                if isinstance(message, Land):
+                    transfers.land(message, now_s)
+                    self._note_place(message.position, now_s)
+                else:
+                    transfers.aim(message, now_s)
+        elif isinstance(message, Evict):
+            self._on_evict(message, transfers)
+        elif isinstance(message, Reject):
+            self._on_reject(message, transfers, now_s)
+        elif isinstance(message, Held):
+            self._on_held(message, transfers, now_s)
+
+    def _note_place(self, position: Place, now_s: float) -> None:
+        self._place = position
+        if self._groups is not None:
+            self._groups.landed(position, now_s)
 
     def refuse(self, error: DecodeError, now_s: float) -> None:
         """Handle a message that could not be decoded: fatal, or an error of its request."""
@@ -336,7 +367,7 @@ class Session:
             if after_ms is None:
                 after_ms = self._limits.reconnect_after_ms
             self._send(Notice(kind="draining", reconnect_after_ms=after_ms))
-            self._transfers.end_aims(by=None)
+            self._transfers.end_prefetch()
         self._close_if_drained()
 
     def withdraw(self, text: str) -> None:
@@ -357,19 +388,29 @@ class Session:
         if self._transfers is not None:
             self._transfers.end()
 
-    def _on_hello(self, hello: Hello) -> None:
+    def _on_hello(self, hello: Message) -> None:
         if self._transfers is not None:
             self._fatal(ErrorCode.OUT_OF_ORDER, "got a second hello, expected one")
             return
-        if not self._accepts(hello):
-            return
-        transfers = Transfers(
-            self._scene, self._limits, hello, send=self._send, observer=self._observer
-        )
-        self._transfers = transfers
-        self._send(self._welcome(hello, transfers))
-        if self._published is not None:
+        self._open(hello)
+        if self.transfers is not None and self._published is not None:
             self.scene_published(self._published)
+
+    def _open(self, hello: Message) -> None:
+        """Check a hello and answer it with a welcome."""
+        assert isinstance(hello, Hello)
+        if self._accepts(hello):
+            self._transfers = Transfers(
+                self._scene, self._limits, hello, send=self._send, observer=self._observer
+            )
+            self._send(self._welcome(hello, self._transfers))
+
+    def _may_open(self, token: str | None) -> bool:
+        """Check the token of a hello; the first check, so that an error tells nothing more."""
+        refused = None if self._authorise is None else self._authorise(token)
+        if refused is not None:
+            self._fatal(*refused)
+        return refused is None
 
     def _accepts(self, hello: Hello) -> bool:
         """Check a ``hello``; the token first, so that an error tells nothing about the scene."""
@@ -377,9 +418,7 @@ class Session:
             text = f"got protocol {hello.protocol[0]}.{hello.protocol[1]}, expected {PROTOCOL[0]}.x"
             self._fatal(ErrorCode.UNSUPPORTED_VERSION, text, protocols=(PROTOCOL,))
             return False
-        refused = None if self._authorise is None else self._authorise(hello.token)
-        if refused is not None:
-            self._fatal(*refused)
+        if not self._may_open(hello.token):
             return False
         if hello.encoding not in self._scene.encodings:
             offered = ", ".join(sorted(self._scene.encodings))
@@ -505,8 +544,8 @@ class Session:
         self._generation = generation
         return True
 
-    def _may_go(self, message: Land | Aim) -> bool:
-        """Check an aim or land against the limits; refuse it if needed."""
+    def _may_go(self, message: Land | Aim | protocol_2.Land | protocol_2.Prefetch) -> bool:
+        """Check a landing or what precedes it against the limits; refuse it if needed."""
         most_m = self._limits.max_radius_m
         if self._draining_until_s is not None:
             text = f"got {message.TYPE} while the server goes away, expected a new connection"

@@ -471,13 +471,23 @@ class Transfers:
         self._settle_aims(self._landing.plan, hit=len(chosen.load) == 0)
         plan = self._planner.plan(land, chosen)
         self._send(plan)
-        self._observer.planned(land.generation, plan)
+        self._observer.planned(
+            land.generation,
+            load=len(plan.load),
+            keep=len(plan.keep),
+            payload_bytes=plan.load_bytes,
+            omitted=plan.omitted_segments,
+        )
 
     def aim(self, aim: Aim, now_s: float) -> None:
         """Accept an aim; it is planned once no landing is open (7.2)."""
         self.end_aims(aim.generation)
         self._waiting_aim, self._is_new = aim, False
         self._note_stall(now_s)
+
+    def end_prefetch(self) -> None:
+        """End all aims without a word to the client."""
+        self.end_aims(by=None)
 
     def end_aims(self, by: int | None) -> None:
         """End all aims; ``by`` is the newer generation, ``None`` sends no ``superseded``."""
@@ -621,7 +631,13 @@ class Transfers:
         self._send(message := landing.make_ready(now_s, timings=self._timings))
         if not landing.was_ready:
             landing.was_ready = True
-            self._observer.ready(message, now_s - landing.received_s)
+            self._observer.ready(
+                message.generation,
+                segments=message.delivered,
+                payload_bytes=message.payload_bytes,
+                missing=len(message.missing),
+                seconds=now_s - landing.received_s,
+            )
 
     def _degrade(self, landing: Landing) -> None:
         landing.degraded = True
@@ -657,13 +673,13 @@ class Transfers:
     def _supersede(self, transfer: Transfer, by: int, *, landing: bool) -> None:
         message = transfer.supersede(by, self._table.lengths, self._partly_sent)
         self._send(message)
-        self._observer.superseded(message, landing=landing)
+        self._observer.superseded(message.generation, message.unsent_bytes, landing=landing)
 
     def _drop_unplanned(self, wanted: Land | Aim, by: int) -> None:
         """Send ``superseded`` for a landing or aim that was never planned (6.3, 7.2)."""
         message = Superseded(generation=wanted.generation, by=by, unsent_bytes=0)
         self._send(message)
-        self._observer.superseded(message, landing=isinstance(wanted, Land))
+        self._observer.superseded(message.generation, 0, landing=isinstance(wanted, Land))
 
     def _forget_partly_sent(self, transfer: Transfer) -> None:
         """Forget partly sent segments that the new plan does not contain (6.5, rule 3)."""

@@ -32,13 +32,11 @@ from terraport_wire import (
     HEADER_BYTES,
     MAX_CHUNK_BYTES,
     DecodeError,
-    Direction,
     Hit,
     Message,
     Plan,
-    decode,
     encode,
-    frame_header,
+    protocol_2,
 )
 
 __all__ = ["Sender", "SenderLimits"]
@@ -81,15 +79,14 @@ class _Frames:
         self.payload_ends: list[int] = []
         self._end = self._payload_end = 0
 
-    def add(self, chunk: SendChunk, view: memoryview) -> None:
+    def add(self, chunk: SendChunk, view: memoryview, session: Session) -> None:
         """Add the frames of a chunk."""
-        generation, segment, offset, length, total, _ = chunk
+        offset, length = chunk.offset, chunk.length
         buffers, end, payload_end = self.buffers, self._end, self._payload_end
         for at in range(0, length, MAX_CHUNK_BYTES):
             size = min(MAX_CHUNK_BYTES, length - at)
-            header = message_header(HEADER_BYTES + size) + frame_header(
-                generation=generation, segment=segment, offset=offset + at, total=total, length=size
-            )
+            header = message_header(HEADER_BYTES + size)
+            header += session.frame_header(chunk, offset + at, size)
             buffers.append(header)
             buffers.append(view if size == length else view[at : at + size])
             end += len(header) + size
@@ -234,8 +231,7 @@ class Sender:
 
     def _take(self, data: bytes | str, now_s: float) -> None:
         try:
-            most_bytes = self._limits.max_message_bytes
-            message = decode(data, Direction.CLIENT_TO_SERVER, max_bytes=most_bytes)
+            message = self.session.decode(data, self._limits.max_message_bytes)
         except DecodeError as error:
             self.session.refuse(error, now_s)
         else:
@@ -297,7 +293,7 @@ class Sender:
 
     def _send_message(self, message: Message) -> None:
         self._writer.send_message(encode(message))
-        if isinstance(message, Plan):
+        if isinstance(message, Plan | protocol_2.Plan):
             self.session.plan_sent(message.generation, monotonic())
 
     def _plan(self) -> None:
@@ -414,7 +410,7 @@ class Sender:
             self._is_waiting = True
             self._start(self._fetch(chunks[0]))
         for chunk, view in zip(chunks, views, strict=False):
-            frames.add(chunk, view)
+            frames.add(chunk, view, session)
         return compared
 
     def _note_sent(self, chunks: list[SendChunk], sent_bytes: int) -> None:

@@ -12,7 +12,7 @@ from terraport_server.logging import OncePerMinute, log
 from terraport_server.metrics import Metrics
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.session.interface import Observer
-from terraport_wire import Error, ErrorCode, Plan, Ready, Reject, Superseded
+from terraport_wire import Error, ErrorCode, Reject
 
 __all__ = ["SessionLog", "note_error"]
 
@@ -91,17 +91,19 @@ class SessionLog(Observer):
             bytes=self._payload_bytes,
         )
 
-    def planned(self, generation: int, plan: Plan) -> None:
+    def planned(
+        self, generation: int, *, load: int, keep: int, payload_bytes: int, omitted: int
+    ) -> None:
         self._landings += 1
         self._metrics.landings.labels(self._scene_label).inc()
         log(
             "landing planned",
             level=logging.DEBUG,
             landing=self._landing(generation),
-            load=len(plan.load),
-            keep=len(plan.keep),
-            bytes=plan.load_bytes,
-            omitted=plan.omitted_segments or None,
+            load=load,
+            keep=keep,
+            bytes=payload_bytes,
+            omitted=omitted or None,
         )
 
     def plan_sent(self, generation: int, seconds: float) -> None:
@@ -111,29 +113,31 @@ class SessionLog(Observer):
     def first_byte(self, seconds: float) -> None:
         self._metrics.first_byte_s.observe(seconds)
 
-    def ready(self, message: Ready, seconds: float) -> None:
-        self._payload_bytes += message.payload_bytes
+    def ready(
+        self, generation: int, *, segments: int, payload_bytes: int, missing: int, seconds: float
+    ) -> None:
+        self._payload_bytes += payload_bytes
         self._metrics.ready_s.observe(seconds)
         log(
             "landing ready",
-            landing=self._landing(message.generation),
+            landing=self._landing(generation),
             scene=self._scene_id,
             seconds=seconds,
-            segments=message.delivered,
-            bytes=message.payload_bytes,
-            missing=len(message.missing) or None,
+            segments=segments,
+            bytes=payload_bytes,
+            missing=missing or None,
         )
 
-    def superseded(self, message: Superseded, *, landing: bool) -> None:
+    def superseded(self, generation: int, unsent_bytes: int, *, landing: bool) -> None:
         kind = "land" if landing else "aim"
         self._metrics.superseded.labels(kind).inc()
-        self._metrics.superseded_bytes.labels(kind).inc(message.unsent_bytes)
+        self._metrics.superseded_bytes.labels(kind).inc(unsent_bytes)
         log(
             "superseded",
             level=logging.DEBUG,
-            landing=self._landing(message.generation),
+            landing=self._landing(generation),
             kind=kind,
-            unsent_bytes=message.unsent_bytes,
+            unsent_bytes=unsent_bytes,
         )
 
     def aim_ended(self, sent_bytes: int, used_bytes: int) -> None:

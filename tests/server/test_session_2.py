@@ -1,0 +1,415 @@
+"""Sessions of protocol 2: any history against brute force, and single rules."""
+
+from __future__ import annotations
+
+import random
+from collections import deque
+from typing import Any
+
+import numpy as np
+import pytest
+from server.client_2 import Client2
+
+from terraport_payload import Cover, box_distances_m
+from terraport_payload.hidden import HiddenFaces
+from terraport_server.session.interface import (
+    Close,
+    MakePlan,
+    SceneView,
+    SegmentTable,
+    SendChunk,
+    SendMessage,
+    SessionLimits,
+)
+from terraport_server.session.session_2 import Session2
+from terraport_wire import Budgets, Bye, Credit, Direction, Error, Message, encode
+from terraport_wire.protocol_2 import (
+    FOLLOWS,
+    Frame,
+    Hello,
+    Plan,
+    Prefetch,
+    Ready,
+    Welcome,
+    decode,
+)
+
+COUNT = 40
+
+
+def make_scene(seed: int, levels: int = 1) -> tuple[SceneView, Cover]:
+    """Random boxes in 100 m, payloads of 1 to 400 bytes, and a random cover of 64 base faces."""
+    rng = np.random.default_rng(seed)
+    low = rng.uniform(0, 100, (COUNT, 3))
+    bounds = np.concatenate([low, low + rng.uniform(0, 20, (COUNT, 3))], axis=1)
+    rows = COUNT * levels
+    table = SegmentTable(
+        bounds=bounds.astype(np.float32),
+        lengths=rng.integers(1, 400, rows).astype(np.uint32),
+        hashes=rng.permutation(np.arange(rows, dtype=np.uint64) + 7_000),
+        faces=rng.integers(1, 50, rows).astype(np.uint32),
+        vertices=rng.integers(3, 50, rows).astype(np.uint32),
+        texture_bytes=np.zeros(rows, np.uint64),
+        levels=levels,
+    )
+    over = [np.unique(rng.integers(0, COUNT, rng.integers(0, 4))) for _ in range(64)]
+    offsets = np.cumsum([0, *map(len, over)]).astype(np.uint32)
+    cover = Cover(offsets, np.concatenate(over).astype(np.uint32))
+
+    def within(centre: Any, radius_m: float) -> Any:
+        return np.flatnonzero(box_distances_m(table.bounds, centre) <= radius_m)
+
+    scene = SceneView(
+        id="pit",
+        version="1" * 32,
+        name="Pit",
+        encodings={"any": table},
+        within=within,
+        hidden_faces=HiddenFaces(cover, COUNT),
+    )
+    return scene, cover
+
+
+def payload_of(table: SegmentTable, row: int) -> bytes:
+    """Return bytes that tell one payload from others."""
+    return (int(table.hashes[row]).to_bytes(8, "little") * 50)[: int(table.lengths[row])]
+
+
+def expected(
+    scene: SceneView,
+    position: Any,
+    radius_m: float,
+    *,
+    coarse_radius_m: float | None = None,
+    without: set[int] | None = None,
+    budgets: Budgets | None = None,
+    inner_radius_m: float | None = None,
+) -> list[tuple[int, bool]]:
+    """Return segment and level of a plan by a loop over the scene (section 4, rules 1 and 2)."""
+    del inner_radius_m
+    table = scene.encodings["any"]
+    distances = box_distances_m(table.bounds, position)
+    rows = []
+    for segment in sorted(range(COUNT), key=lambda one: (distances[one], one)):
+        coarser = distances[segment] > radius_m
+        if coarser and not (
+            table.levels > 1
+            and coarse_radius_m is not None
+            and distances[segment] <= coarse_radius_m
+        ):
+            continue
+        row = segment + COUNT * coarser
+        if int(table.hashes[row]) not in (without or ()):
+            rows.append(row)
+    budgets = budgets or Budgets()
+    faces = payload_bytes = 0
+    shown = []
+    for row in rows:
+        faces += int(table.faces[row])
+        payload_bytes += int(table.lengths[row])
+        if (
+            len(shown) == (budgets.max_segments if budgets.max_segments is not None else COUNT)
+            or faces > (budgets.max_triangles or 1 << 60)
+            or payload_bytes > (budgets.max_bytes or 1 << 60)
+        ):
+            break
+        shown.append((row % COUNT, row >= COUNT))
+    return shown
+
+
+class Link:
+    """A session, a client, and messages under way between them."""
+
+    def __init__(
+        self, scene: SceneView, client: Client2, *, credit_bytes: int = 1 << 20, **hello: Any
+    ) -> None:
+        self.scene = scene
+        self.client = client
+        self.session = Session2(scene, SessionLimits(), session_id="s", now_s=0.0)
+        self.down: deque[Message | Frame] = deque()
+        self.broken: set[int] = set()
+        """Rows whose payload cannot be read."""
+        self.close: Close | None = None
+        client.connected()
+        self.tell(Hello(client="t", credit_bytes=credit_bytes, **({"budgets": Budgets()} | hello)))
+        self.serve()
+        welcome = self.down.popleft()
+        assert isinstance(welcome, Welcome)
+        self.welcome = welcome
+
+    def tell(self, message: Message) -> None:
+        """Send a message to the service, through bytes."""
+        received = decode(encode(message), Direction.CLIENT_TO_SERVER)
+        self.session.receive(received, 0.0)
+
+    def serve(self, most: int = 1 << 30) -> None:
+        """Carry out actions of the session."""
+        for _ in range(most):
+            action = self.session.next_action()
+            if isinstance(action, SendMessage):
+                message = decode(encode(action.message), Direction.SERVER_TO_CLIENT)
+                assert isinstance(message, Message)
+                self.down.append(message)
+            elif isinstance(action, MakePlan):
+                self.session.make_plan(0.0)
+            elif isinstance(action, SendChunk):
+                self._send(action)
+            elif isinstance(action, Close):
+                self.close = action
+            else:
+                return
+
+    def _send(self, chunk: SendChunk) -> None:
+        if chunk.segment in self.broken:
+            self.session.payload_failed(chunk, 0.0)
+            return
+        table = self.scene.encodings["any"]
+        data = payload_of(table, chunk.segment)[chunk.offset : chunk.offset + chunk.length]
+        key = int(table.hashes[chunk.segment])
+        frame = Frame(chunk.generation, key, chunk.offset, chunk.total, memoryview(data))
+        self.down.append(frame)
+        self.session.chunks_sent([chunk], 0.0)
+
+    def deliver(self, most: int = 1 << 30) -> None:
+        """Let what is under way arrive at the client."""
+        for _ in range(min(most, len(self.down))):
+            item = self.down.popleft()
+            if isinstance(item, Frame):
+                self.client.take_frame(item)
+            else:
+                assert not isinstance(item, Error), item
+                self.client.take_message(item)
+
+
+def check_shown(link: Link, cover: Cover, wanted: dict[str, Any], broken: set[int]) -> None:
+    """Compare what the client shows with brute force."""
+    rows = expected(link.scene, **wanted)
+    rows = [(segment, coarser) for segment, coarser in rows
+            if segment + COUNT * coarser not in broken]  # fmt: skip
+    assert link.client.shown == set(rows)
+    segments = {segment for segment, _ in rows}
+    hidden = np.unpackbits(np.frombuffer(link.client.hidden, np.uint8), count=64, bitorder="little")
+    for face in range(64):
+        over = set(cover.over(face).tolist())
+        assert hidden[face] == (bool(over) and over <= segments), face
+
+
+@pytest.mark.parametrize("seed", range(300))
+def test_what_is_shown_is_a_function_of_the_last_landing(seed: int) -> None:
+    rng = random.Random(seed)
+    levels = rng.choice([1, 2])
+    scene, cover = make_scene(seed, levels)
+    table = scene.encodings["any"]
+    client = Client2()
+    broken = set(rng.sample(range(COUNT * levels), rng.choice([0, 0, 3])))
+    budgets = rng.choice([Budgets(), Budgets(max_segments=7), Budgets(max_bytes=2_000),
+                          Budgets(max_triangles=100)])  # fmt: skip
+    wanted: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
+    keeps_all = rng.random() < 0.5
+
+    def connect() -> Link:
+        credit_bytes = rng.choice([0, 300, 5_000, 1 << 20])
+        link = Link(scene, client, credit_bytes=credit_bytes, budgets=budgets)
+        link.broken = broken
+        return link
+
+    link = connect()
+    for _ in range(60):
+        step = rng.random()
+        if step < 0.2:
+            radius_m = rng.uniform(1, 60)
+            wanted = {"position": tuple(rng.uniform(0, 100) for _ in range(3)),
+                      "radius_m": radius_m}  # fmt: skip
+            if rng.random() < 0.4:
+                wanted["coarse_radius_m"] = radius_m + rng.uniform(0, 40)
+            if rng.random() < 0.3:
+                wanted["inner_radius_m"] = radius_m / 2
+            fields = dict(wanted)
+            if rng.random() < 0.2:
+                without = set(rng.sample(table.hashes.tolist(), 5))
+                wanted["without"] = without
+                fields["without"] = np.array(sorted(without), "<u8")
+            link.tell(client.land(**fields))
+            wanted["budgets"] = budgets
+        elif step < 0.3:
+            position = tuple(rng.uniform(0, 100) for _ in range(3))
+            link.tell(client.prefetch(position, rng.uniform(1, 60)))
+        elif step < 0.5:
+            link.tell(Credit(bytes=rng.choice([10, 500, 5_000])))
+        elif step < 0.7:
+            link.serve(rng.randrange(1, 12))
+        elif step < 0.9:
+            link.deliver(rng.randrange(1, 12))
+        elif step < 0.94 and client.have and not keeps_all:
+            for key in rng.sample(list(client.have), rng.randint(1, len(client.have))):
+                del client.have[key]
+            if client.is_landing:  # else it would wait for what it said it has
+                link.tell(client.land(**fields))
+        elif step < 0.96:
+            link.deliver(rng.randrange(1, 12))
+            link = connect()  # what was under way is lost
+            if wanted:
+                link.tell(client.land(**fields))
+    link.tell(Credit(bytes=1 << 20))
+    link.serve()
+    link.deliver()
+    if wanted:
+        assert not client.is_landing
+        check_shown(link, cover, wanted, broken)
+    if keeps_all:
+        assert len(client.arrived) == len(set(client.arrived)), "a payload came twice"
+
+
+def test_nothing_that_is_on_its_way_is_sent_again() -> None:
+    scene, _ = make_scene(1)
+    client = Client2()
+    link = Link(scene, client)
+    link.tell(client.land((50, 50, 50), 40))
+    link.serve()
+    first = [item for item in link.down if isinstance(item, Frame)]
+    assert first
+    link.tell(client.land((50, 50, 50), 60))  # before anything arrived
+    link.serve()
+    keys = [item.key for item in link.down if isinstance(item, Frame)]
+    assert len(keys) == len(set(keys)) > len(first)
+    link.deliver()
+    assert client.shown_generation == 2
+
+
+def test_a_segment_that_was_begun_is_finished_first() -> None:
+    scene, _ = make_scene(1)
+    table = scene.encodings["any"]
+    client = Client2()
+    link = Link(scene, client, credit_bytes=0)
+    centre = table.bounds[3, :3].tolist()
+    link.tell(client.land(centre, 30))
+    link.serve()
+    plan = link.down[0]
+    assert isinstance(plan, Plan)
+    begun = plan.show[1]
+    link.tell(Credit(bytes=int(plan.show[0]["bytes"]) + int(begun["bytes"]) - 1))
+    link.serve()
+    link.tell(client.land(centre, 60))
+    link.tell(Credit(bytes=1 << 20))
+    link.serve()
+    frames = [item for item in link.down if isinstance(item, Frame)]
+    goes_on = next(frame for frame in frames if frame.generation == 2)
+    assert (goes_on.key, goes_on.offset) == (begun["key"], begun["bytes"] - 1)
+    link.deliver()
+    assert client.shown_generation == 2
+
+
+def test_a_segment_that_was_begun_and_is_not_wanted_begins_anew_later() -> None:
+    scene, _ = make_scene(1)
+    client = Client2()
+    link = Link(scene, client, credit_bytes=1)
+    link.tell(client.land((50, 50, 50), 40))
+    link.serve()
+    link.tell(client.land((-500, 0, 0), 1))
+    link.serve()
+    link.tell(Credit(bytes=1 << 20))
+    link.tell(client.land((50, 50, 50), 40))
+    link.serve()
+    link.deliver()
+    assert client.shown_generation == 3
+
+
+def test_rows_say_what_follows_and_an_unreadable_payload_is_missing() -> None:
+    scene, cover = make_scene(2)
+    client = Client2()
+    link = Link(scene, client)
+    wanted = {"position": (50.0, 50.0, 50.0), "radius_m": 40.0}
+    link.tell(client.land(**wanted))
+    link.serve()
+    link.deliver()
+    kept = dict(list(client.have.items())[:3])
+    client.have = dict(kept)
+    table = scene.encodings["any"]
+    link.broken = {segment for segment, _ in client.shown if int(table.hashes[segment]) not in kept}
+    link.tell(client.land(**wanted))
+    link.serve()
+    plan, ready = link.down
+    assert isinstance(plan, Plan)
+    assert isinstance(ready, Ready)
+    follows = {row[0] for row in plan.show.tolist() if row[5] & FOLLOWS}
+    assert follows == {row[0] for row in plan.show.tolist()} - set(kept)
+    assert ready.missing is not None
+    assert set(ready.missing.tolist()) == follows
+    link.deliver()
+    check_shown(link, cover, wanted, link.broken)
+
+
+def test_a_prefetch_waits_for_the_landing_and_has_no_answer() -> None:
+    scene, _ = make_scene(3)
+    client = Client2()
+    link = Link(scene, client, credit_bytes=0)
+    link.tell(client.land((50, 50, 50), 10))
+    link.tell(client.prefetch((0, 0, 0), 60))
+    link.tell(Credit(bytes=1 << 20))
+    link.serve()
+    generations = [item.generation for item in link.down if isinstance(item, Frame | Ready | Plan)]
+    assert generations == sorted(generations)
+    assert generations[-1] == 2
+    assert isinstance(link.down[generations.index(2) - 1], Ready)
+    link.deliver()
+    link.tell(client.land((0, 0, 0), 60))
+    link.serve()
+    assert not [item for item in link.down if isinstance(item, Frame)]
+
+
+@pytest.mark.parametrize("kind", ["land", "prefetch"])
+def test_a_refused_landing_changes_nothing(kind: str) -> None:
+    scene, _ = make_scene(3)
+    client = Client2()
+    link = Link(scene, client, credit_bytes=0)
+    link.tell(client.land((50, 50, 50), 40))
+    link.serve()
+    wide = client.prefetch((0, 0, 0), 501) if kind == "prefetch" else client.land((0, 0, 0), 501)
+    link.tell(wide)
+    client.refused(before=1)
+    link.tell(Credit(bytes=1 << 20))
+    link.serve()
+    error = next(item for item in link.down if isinstance(item, Error))
+    assert (error.code, error.fatal, error.generation) == ("radius_too_large", False, 2)
+    link.down.remove(error)
+    link.deliver()
+    assert client.shown_generation == 1
+
+
+def test_an_older_generation_is_fatal() -> None:
+    scene, _ = make_scene(3)
+    client = Client2()
+    link = Link(scene, client)
+    link.tell(client.land((50, 50, 50), 40))
+    again = Prefetch(generation=1, position=(0, 0, 0), radius_m=1, have=(), taken_bytes=0)  # type: ignore[arg-type]
+    link.tell(again)
+    link.serve()
+    assert link.close is not None
+    assert link.close.code == 4400
+
+
+def test_draining_ends_the_open_landing_first() -> None:
+    scene, _ = make_scene(3)
+    client = Client2()
+    link = Link(scene, client, credit_bytes=0)
+    link.tell(client.land((50, 50, 50), 40))
+    link.tell(client.prefetch((0, 0, 0), 40))
+    link.session.drain(0.0, 10.0)
+    link.serve()
+    assert link.close is None
+    link.tell(Credit(bytes=1 << 20))
+    link.serve()
+    assert link.close is not None
+    assert link.close.code == 4503
+    link.deliver()
+    assert client.shown_generation == 1
+
+
+def test_bye_closes() -> None:
+    scene, _ = make_scene(3)
+    link = Link(scene, Client2())
+    link.tell(Bye())
+    link.serve()
+    assert link.close is not None
+    assert link.close.code == 1000
