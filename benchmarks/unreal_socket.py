@@ -46,7 +46,7 @@ def main() -> int:
     )
     print("|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
-        write_grid_scene(Path(folder) / "big", cells=80, large=True, name="big")
+        write_grid_scene(Path(folder) / "big", cells=80, name="big")
         with Service(Path(folder)) as service:
             url = f"{service.url}/scenes/big"
             for kib in buffers_kib:

@@ -245,7 +245,7 @@ def main() -> int:
     work.chmod(0o755)
     images = Images(work)
     try:
-        write_grid_scene(work / "scenes" / "big", cells=80, large=True, name="big")
+        write_grid_scene(work / "scenes" / "big", cells=80, name="big")
         release = images.stages["server"].base.rsplit("-", 1)[1]
         base = images.base(release, options.base)
         say(f"a clean root of {release}: {_megabytes(base):.0f} MB")

@@ -47,7 +47,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="terraport-verify-") as folder:
         work = Path(folder)
         work.chmod(0o755)
-        write_grid_scene(work / "scenes" / "big", cells=80, large=True, name="big")
+        write_grid_scene(work / "scenes" / "big", cells=80, name="big")
         subprocess.run(["sh", str(HERE / "make_secrets.sh"), str(work / "secrets")], check=True)
         with socket.create_server(("", 0)) as probe:
             alerts_port = probe.getsockname()[1]

@@ -80,7 +80,7 @@ def test_a_byte_that_went_bad_on_disk_is_a_segment_missing(client: Client, tmp_p
 
 def test_a_service_that_is_killed_and_comes_back(client: Client, tmp_path: Path) -> None:
     """Nothing whole is sent again by the one that comes after."""
-    write_grid_scene(tmp_path / "scenes" / "big", cells=80, large=True)
+    write_grid_scene(tmp_path / "scenes" / "big", cells=80)
     with Service(tmp_path / "scenes") as first, ThreadedProxy(first.url) as line:
         line.proxy.bytes_per_s = 4_000_000
 

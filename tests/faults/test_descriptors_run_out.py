@@ -71,7 +71,7 @@ def test_a_session_takes_one_descriptor(tmp_path: Path, tls: bool) -> None:
 
 def test_a_body_that_waits_for_its_client_takes_no_descriptor_of_its_own(tmp_path: Path) -> None:
     """HTTP clients that pull payload and read slowly: their connection, and the file of all."""
-    grid = write_grid_scene(tmp_path / "scenes" / "pit", cells=60, large=True)
+    grid = write_grid_scene(tmp_path / "scenes" / "pit", cells=60)
     request = b"GET /scenes/pit/segments/3.glb HTTP/1.1\r\nHost: localhost\r\n\r\n"
     with Service(tmp_path / "scenes") as service:
         httpx.get(f"{service.url}/scenes/pit/segments/3.glb")

@@ -68,7 +68,7 @@ def test_a_publication_that_finds_the_disk_full(
             client.send(EVERYWHERE)
             client.expect(Plan)
             with pytest.raises(OutOfSpaceError):
-                write_grid_scene(small_disk / "scenes" / "grid", seed=1, cells=60, large=True)
+                write_grid_scene(small_disk / "scenes" / "grid", seed=1, cells=60)
             client.send(Credit(bytes=1 << 24))
             payloads = assemble(client.until(Ready)[1])
             assert [payloads[number] for number in range(SIDE * SIDE)] == scene.payloads
@@ -78,7 +78,7 @@ def test_a_publication_that_finds_the_disk_full(
 
 def test_the_sdks_cache_on_a_full_disk(small_disk: Path, tmp_path: Path) -> None:
     """Landings go on from memory; the cache keeps what fits, and what it keeps is right."""
-    scene = write_grid_scene(tmp_path / "scenes" / "grid", cells=60, large=True)
+    scene = write_grid_scene(tmp_path / "scenes" / "grid", cells=60)
     assert sum(map(len, scene.payloads)) > 3 << 20
 
     async def work(url: str) -> int:

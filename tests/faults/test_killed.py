@@ -23,7 +23,7 @@ EACH = 3
 def big(tmp_path_factory: pytest.TempPathFactory) -> GridScene:
     """36 segments of about 300 KB."""
     scenes = tmp_path_factory.mktemp("s") / "scenes"
-    return write_grid_scene(scenes / "big", cells=80, large=True)
+    return write_grid_scene(scenes / "big", cells=80)
 
 
 def test_killed_in_a_landing_and_started_again(

@@ -40,7 +40,7 @@ def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("scenes")
     write_grid_scene(root / "grid")
     write_grid_scene(root / "levels", levels=2)
-    write_grid_scene(root / "big", cells=80, large=True, name="big")
+    write_grid_scene(root / "big", cells=80, name="big")
     write_tiny_scene(root / "tiny")
     return root
 

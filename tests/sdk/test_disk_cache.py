@@ -49,7 +49,7 @@ def test_scenes_do_not_mix(tmp_path: Path) -> None:
 def test_any_flipped_byte_is_found_and_the_file_deleted(tmp_path: Path, where: int) -> None:
     disk, cached = DiskCache(tmp_path, KEY), entry(3)
     disk.put(cached)
-    (path,) = tmp_path.rglob("*.glb")
+    (path,) = tmp_path.rglob("*.segment-2")
     data = bytearray(path.read_bytes())
     data[where] ^= 1
     path.write_bytes(data)
@@ -63,7 +63,7 @@ def test_any_flipped_byte_is_found_and_the_file_deleted(tmp_path: Path, where: i
 def test_any_truncation_is_found(tmp_path: Path, length: int) -> None:
     disk, cached = DiskCache(tmp_path, KEY), entry(3)
     disk.put(cached)
-    (path,) = tmp_path.rglob("*.glb")
+    (path,) = tmp_path.rglob("*.segment-2")
     path.write_bytes(path.read_bytes()[:length])
     with pytest.raises(CorruptSegmentError):
         disk.get(3, cached.facts.xxh3)
@@ -78,7 +78,7 @@ def test_the_bound_holds_and_the_longest_unused_goes_first(tmp_path: Path) -> No
     assert disk.put(entry(4, fill=4)) == []
     removed = disk.put(entry(5, fill=5))
     assert removed == [1, 2]
-    assert sum(path.stat().st_size for path in tmp_path.rglob("*.glb")) <= 5 * 1064
+    assert sum(path.stat().st_size for path in tmp_path.rglob("*.segment-2")) <= 5 * 1064
     assert set(DiskCache(tmp_path, KEY).catalogue()) == {0, 3, 4, 5}
 
 
@@ -105,7 +105,7 @@ def test_the_newer_of_two_versions_of_a_segment_counts(tmp_path: Path) -> None:
     age(tmp_path, 50)
     disk.put(entry(1, fill=2))
     assert disk.catalogue() == {1: entry(1, fill=2).facts.xxh3}
-    assert len(list(tmp_path.rglob("*.glb"))) == 1
+    assert len(list(tmp_path.rglob("*.segment-2"))) == 1
 
 
 def test_blobs_are_checked_too(tmp_path: Path) -> None:

@@ -198,7 +198,7 @@ def test_an_offer_that_is_too_large_is_made_once(tmp_path) -> None:
             scene = tmp_path / SceneUrl.parse(url).key
             scene.mkdir()
             for segment in range(5):
-                (scene / f"{segment}-{segment:016x}.glb").write_bytes(b"x")
+                (scene / f"{segment}-{segment:016x}.segment-2").write_bytes(b"x")
             async with terraport.connect(url, cache_dir=tmp_path):
                 pass
         assert offers[0] - offers[1] == 5 * 12

@@ -46,6 +46,11 @@ class GridScene:
     payloads: list[bytes]
     meshes: list[SegmentMesh]
 
+    def glb(self, segment: int) -> bytes:
+        """The GLB that a server makes of a segment."""
+        mesh = decode_segment(self.payloads[segment], scales=SCALES)
+        return encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES)
+
 
 def tile_mesh(row: int, column: int, cells: int, *, seed: int = 0, tiles: int = 1) -> SegmentMesh:
     """A gently wavy square of ``tiles`` tiles a side; y stays within 0 to 2."""
@@ -75,7 +80,7 @@ def tile_mesh(row: int, column: int, cells: int, *, seed: int = 0, tiles: int = 
 
 
 def shuffled(mesh: SegmentMesh) -> SegmentMesh:
-    """The mesh with faces in random order and random colours: a payload of 12 bytes a face."""
+    """The mesh with faces in random order and random colours: a payload as long as a survey's."""
     random = np.random.default_rng(1)
     return replace(
         mesh,
@@ -89,7 +94,6 @@ def write_grid_scene(
     *,
     seed: int = 0,
     cells: int = 12,
-    large: bool = False,
     name: str = "grid",
     stable_ids: tuple[int, ...] | None = None,
     survey_units: SurveyUnits | None = None,
@@ -97,8 +101,8 @@ def write_grid_scene(
 ) -> GridScene:
     """Publish a grid of SIDE x SIDE segments; another seed is another version.
 
-    Payloads are ``large`` where transfers must last: meshes as :func:`shuffled` makes them. With
-    three ``stable_ids`` the regions have them, and the next one is 10. With two ``levels`` the
+    Meshes are as :func:`shuffled` makes them. With three ``stable_ids`` the regions have them, and
+    the next one is 10. With two ``levels`` the
     payloads of the coarser one stand behind those of the segments.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -106,9 +110,7 @@ def write_grid_scene(
         tile_mesh(row, column, cells, seed=seed) for row in range(SIDE) for column in range(SIDE)
     ]
     meshes += [coarser(mesh) for mesh in meshes * (levels - 1)]
-    if large:
-        meshes = [shuffled(mesh) for mesh in meshes]
-    payloads = [encode_segment(mesh, step_m=STEP_M, scales=SCALES) for mesh in meshes]
+    payloads = [encode_segment(shuffled(mesh), step_m=STEP_M, scales=SCALES) for mesh in meshes]
     decoded = [decode_segment(payload, scales=SCALES) for payload in payloads]
     base = tile_mesh(0, 0, SIDE, seed=seed, tiles=SIDE)
     with SceneWriter(path) as writer:

@@ -215,7 +215,7 @@ def test_pings_in_the_middle_of_a_frame_are_answered_between_frames(
     """A client that does not read stalls a frame; its pings come then; the stream stays whole."""
     if way == "transport":
         monkeypatch.delattr(os, "writev")
-    pit = write_grid_scene(tmp_path / "pit", cells=60, large=True)
+    pit = write_grid_scene(tmp_path / "pit", cells=60)
     with BackgroundServer(tmp_path, max_radius_m=1e4) as server:
         client = SlowClient(server.port)
         client.send(make_hello())
@@ -231,7 +231,7 @@ def test_pings_in_the_middle_of_a_frame_are_answered_between_frames(
 
 def test_of_pongs_that_are_not_read_the_newest_is_sent(tmp_path: Path) -> None:
     """Beyond 64 KiB of pongs the older ones are dropped; the connection stays."""
-    pit = write_grid_scene(tmp_path / "pit", cells=60, large=True)
+    pit = write_grid_scene(tmp_path / "pit", cells=60)
     with BackgroundServer(tmp_path, max_radius_m=1e4) as server:
         client = SlowClient(server.port)
         client.send(make_hello())
@@ -252,7 +252,7 @@ def test_of_pongs_that_are_not_read_the_newest_is_sent(tmp_path: Path) -> None:
 
 
 def test_a_client_that_vanishes_in_the_middle_of_a_frame_frees_everything(tmp_path: Path) -> None:
-    write_grid_scene(tmp_path / "pit", cells=60, large=True)
+    write_grid_scene(tmp_path / "pit", cells=60)
     with BackgroundServer(tmp_path, max_radius_m=1e4) as server:
         before = len(list(Path("/proc/self/fd").iterdir()))
         for _ in range(5):

@@ -85,7 +85,7 @@ def test_links_can_be_resolved_whatever_a_scene_is_called(grid: GridScene, tmp_p
             assert scene["id"] == line["id"]
             assert scene["links"].items() >= links.items()
             assert get(links["report"]).decode() == line["id"]
-            assert get(links["segment"].replace("{segment}", "3")) == grid.payloads[3]
+            assert get(links["segment"].replace("{segment}", "3")) == grid.glb(3)
             tileset = json.loads(get(links["tileset"]))
             for uri in contents_of(tileset["root"]):
                 get(urljoin(urljoin(root, links["tileset"]), uri).removeprefix(root))

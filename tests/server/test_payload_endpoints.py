@@ -8,9 +8,8 @@ from pathlib import Path
 
 import httpx
 import pytest
-from server.grid_scene import SCALES, STEP_M, GridScene, write_grid_scene
+from server.grid_scene import GridScene, write_grid_scene
 
-from terraport_payload import decode_segment, encode_glb
 from terraport_server import BackgroundServer
 
 
@@ -25,13 +24,8 @@ def server(grid: GridScene) -> Iterator[BackgroundServer]:
         yield running
 
 
-def as_glb(grid: GridScene, number: int) -> bytes:
-    mesh = decode_segment(grid.payloads[number], scales=SCALES)
-    return encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES)
-
-
 def test_a_segment_as_glb(server: BackgroundServer, grid: GridScene) -> None:
-    glb = as_glb(grid, 7)
+    glb = grid.glb(7)
     with httpx.Client(base_url=server.url) as http:
         path = f"/scenes/pit/segments/7.glb?v={grid.manifest.version}"
         whole = http.get(path)
@@ -116,7 +110,7 @@ def test_requests_sent_ahead_are_answered_in_order(
     for n in asked:
         head, _, data = data.partition(b"\r\n\r\n")
         assert head.startswith(b"HTTP/1.1 200 OK\r\n")
-        glb = as_glb(grid, n)
+        glb = grid.glb(n)
         assert data.startswith(glb)
         data = data[len(glb) :]
     assert data == b""
@@ -180,7 +174,7 @@ def test_a_damaged_segment_is_told_and_never_sent(tmp_path: Path) -> None:
         for _ in range(2):
             answer = httpx.get(f"{url}/4.glb")
             assert (answer.status_code, answer.json()["error"]["code"]) == (500, "segment_corrupt")
-        assert httpx.get(f"{url}/5.glb").content == as_glb(own, 5)
+        assert httpx.get(f"{url}/5.glb").content == own.glb(5)
 
 
 def test_a_proxy_asks_before_it_serves_a_pack(grid: GridScene) -> None:
@@ -209,4 +203,4 @@ def test_a_client_that_leaves_within_a_body(server: BackgroundServer, grid: Grid
         with socket.create_connection(("127.0.0.1", server.port), timeout=10) as raw:
             raw.sendall(b"GET /scenes/pit/segments/3.glb HTTP/1.1\r\nHost: localhost\r\n\r\n")
     answer = httpx.get(f"{server.url}/scenes/pit/segments/3.glb")
-    assert answer.content == grid.payloads[3]
+    assert answer.content == grid.glb(3)

@@ -21,7 +21,7 @@ def scenes_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_grid_scene(root / "grid")
     feet = SurveyUnits(horizontal_m=1200 / 3937, height_m=0.3048)
     write_grid_scene(root / "feet", cells=2, name="feet", survey_units=feet)
-    write_grid_scene(root / "big", cells=80, large=True, name="big")
+    write_grid_scene(root / "big", cells=80, name="big")
     return root
 
 

@@ -80,7 +80,7 @@ def test_a_flipped_byte_is_found_reported_and_never_sent(
     assert record.fields["segment"] == 14  # type: ignore[attr-defined]
     assert "expected" in record.fields["reason"]  # type: ignore[attr-defined]
     assert (segment.status_code, segment.json()["error"]["code"]) == (500, "segment_corrupt")
-    assert whole.content == own.payloads[15]
+    assert whole.content == own.glb(15)
 
 
 def test_a_byte_that_flips_after_it_was_sent_once(own: GridScene) -> None:

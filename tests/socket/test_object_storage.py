@@ -167,7 +167,7 @@ def test_everything_beside_the_stream_is_there_too(
         partial = http.get("/scenes/pit/base.glb", headers={"range": "bytes=10-29"})
         assert partial.status_code == 206
         assert len(partial.content) == 20
-        assert http.get("/scenes/pit/segments/5.glb").content == pit.payloads[5]
+        assert http.get("/scenes/pit/segments/5.glb").content == pit.glb(5)
         assert http.get("/scenes/pit/report").text == "<p>fine</p>"
         assert http.get("/scenes/well/report").status_code == 404
         with PlainClient(server.scene_url("pit")) as client:
@@ -272,10 +272,10 @@ def test_wrong_bytes_are_never_sent_or_kept(
 def test_a_full_cache_disk_costs_nobody_a_segment(
     url: str, scenes: tuple[GridScene, GridScene], tmp_path: Path
 ) -> None:
-    """A file system of 192 KiB, of which the scenes' small files take most."""
+    """A file system of 96 KiB, of which the scenes' small files take most."""
     disk = tmp_path / "small"
     disk.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=192k", "tmpfs", str(disk)]
+    mount = ["mount", "-t", "tmpfs", "-o", "size=96k", "tmpfs", str(disk)]
     if subprocess.run(mount, capture_output=True, check=False, timeout=10).returncode:
         pytest.skip("needs the right to mount a small file system")
     try:

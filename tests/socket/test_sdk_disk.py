@@ -55,7 +55,7 @@ def test_a_broken_file_is_sent_again_in_the_same_landing(
     async def work() -> None:
         async with terraport.connect(server.scene_url("grid"), cache_dir=tmp_path) as session:
             await (await session.land(CORNER, radius_m=25.0)).ready(10)
-        flipped, cut, gone, *whole = files(tmp_path, "*.glb")
+        flipped, cut, gone, *whole = files(tmp_path, "*.segment-2")
         assert whole
         flipped.write_bytes(flipped.read_bytes()[:-1] + b"?")
         cut.write_bytes(cut.read_bytes()[:200])
