@@ -16,7 +16,6 @@ from typing import Any, Final
 import numpy as np
 
 from terraport_payload.errors import PayloadError
-from terraport_payload.glb_container import split_glb
 from terraport_payload.glb_json import pick, typed
 from terraport_payload.texture import Texture
 from terraport_payload.types import Float32, UInt16
@@ -30,7 +29,6 @@ __all__ = [
     "encode_uvs",
     "find_image",
     "find_uv_scale",
-    "gpu_texture_of",
     "snap_uvs",
 ]
 
@@ -240,36 +238,3 @@ def find_uv_scale(
     if not all(_LEAST_SCALE <= one <= 1.0 and math.frexp(one)[0] == 0.5 for one in factors):
         raise PayloadError(f"scale of {UV_TRANSFORM} is {scale}, expected powers of two up to 1")
     return float(factors[0]), float(factors[1])
-
-
-def gpu_texture_of(glb: bytes | memoryview) -> tuple[int, int, int]:
-    """Read what the index says of a payload's texture, without decoding anything.
-
-    Parameters
-    ----------
-    glb : bytes or memoryview
-        A whole payload.
-
-    Returns
-    -------
-    (int, int, int)
-        Width and height of the image, pixels, and what a GPU keeps of a texel, bits; zeros without
-        a texture.
-
-    Raises
-    ------
-    PayloadError
-        When it is no GLB of one mesh, or its image is not what a payload may have.
-    """
-    document, binary, _ = split_glb(glb)
-    mesh = typed(pick(typed(document.get("meshes"), list, "meshes"), 0, "mesh"), dict, "mesh")
-    primitives = typed(mesh.get("primitives"), list, "primitives")
-    image = find_image(document, typed(pick(primitives, 0, "primitive"), dict, "primitive"))
-    if image is None:
-        return 0, 0, 0
-    view = typed(document["bufferViews"][image[0]], dict, "bufferView of image")
-    start, length = view.get("byteOffset", 0), view.get("byteLength")
-    if not isinstance(start, int) or not isinstance(length, int) or start < 0 or length < 0:
-        raise PayloadError(f"image at {start!r} of {length!r} bytes, expected whole numbers")
-    texture = Texture.of(bytes(binary[start : start + length]))
-    return texture.width, texture.height, texture.bits

@@ -18,7 +18,13 @@ from hypothesis import strategies as st
 from payload.images import pillow
 
 from terraport_payload import AttributeScale, PayloadError, SegmentMesh, Texture, snap, snap_uvs
-from terraport_payload.segment_format import MAX_STREAM_BYTES, decode_segment, encode_segment
+from terraport_payload.segment_format import (
+    MAX_ATTRIBUTES,
+    MAX_STREAM_BYTES,
+    decode_segment,
+    encode_segment,
+    segment_texture,
+)
 
 ROOT = Path(__file__).parents[2]
 GOLDEN = Path(__file__).with_name("golden_segments")
@@ -213,3 +219,25 @@ def test_meshes_that_do_not_fit_are_refused(triangle: SegmentMesh) -> None:
         encode(attributes={"clay": np.zeros(3, np.float32)})
     with pytest.raises(PayloadError, match="power of two"):
         encode_segment(triangle, step_m=0.003, scales={})
+
+
+@pytest.mark.parametrize("kind", ["plain", "image"])
+def test_the_shape_is_read_without_scales(kind: str) -> None:
+    mesh = random_mesh(4, 12, manifold=True, kind=kind)
+    data = encode_segment(mesh, step_m=STEP_M, scales=SCALES)
+    bare = decode_segment(data, scales=None)
+    assert bare.attributes == {}
+    assert np.array_equal(corner_rows(bare), corner_rows(replace(mesh, attributes={})))
+    assert segment_texture(data) == ((16, 8, 32) if kind == "image" else (0, 0, 0))
+
+
+def test_a_scene_has_no_more_attributes_than_bits(triangle: SegmentMesh) -> None:
+    names = [f"a{number}" for number in range(MAX_ATTRIBUTES + 1)]
+    scales = {name: AttributeScale(0.0, 1.0) for name in names}
+    last = {names[MAX_ATTRIBUTES - 1]: np.float32([1, 2, np.nan])}
+    mesh = replace(triangle, attributes=last)
+    with pytest.raises(PayloadError, match="there may be 32"):
+        encode_segment(mesh, step_m=STEP_M, scales=scales)
+    del scales[names[-1]]
+    decoded = decode_segment(encode_segment(mesh, step_m=STEP_M, scales=scales), scales=scales)
+    assert sorted(decoded.attributes) == sorted(last)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import cast
 
+import numpy as np
 import pytest
+from store.tiny_scene import SCALES, STEP_M, lattice_mesh
 
 from terraport.cache import CachedSegment, SegmentCache, SegmentFacts
 from terraport.disk_worker import DiskWorker
-from terraport.errors import LandingSupersededError, ServerError, SessionClosedError
+from terraport.errors import HttpError, LandingSupersededError, ServerError, SessionClosedError
 from terraport.events import (
     Degraded,
     Dropped,
@@ -24,9 +26,29 @@ from terraport.events import (
     Superseded,
 )
 from terraport.intake import EventIntake
+from terraport.landing import LandingRecord
+from terraport.segment import Segment
 from terraport.session import ClientSession, SessionOptions
+from terraport_payload import AttributeScale, encode_segment
+from terraport_wire import Plan
 
 ENTRY = CachedSegment(SegmentFacts(7, 3, 99, 1, 3, (0.0, 0.0, 0.0, 1.0, 1.0, 1.0)), b"abc")
+PLAN = Plan(
+    generation=1,
+    position=(0.0, 0.0, 0.0),
+    radius_m=60.0,
+    release_radius_m=75.0,
+    effective_radius_m=60.0,
+    inner_count=0,
+    load=[],
+    keep=[7],
+    nearby=[],
+    load_bytes=0,
+    load_triangles=0,
+    total_bytes=0,
+    total_triangles=0,
+    omitted_segments=0,
+)
 
 
 @dataclass
@@ -132,6 +154,31 @@ def test_a_landing_goes_on_to_ready(desk: Desk) -> None:
     assert (record.degraded, record.is_over) == ((7,), False)
     desk.intake.take(Ready(1, (7, 8), (9,)))
     assert (record.shown, record.missing, record.is_over) == ((7, 8), (9,), True)
+
+
+def test_what_was_held_is_decoded_by_the_scales_of_the_newest_plan(desk: Desk) -> None:
+    """The same bytes may mean other values in another version of the scene."""
+    before = {"grade": SCALES["grade"]}
+    after = {"grade": AttributeScale(1.0, SCALES["grade"].step)}
+    payload = encode_segment(lattice_mesh(0, 0, 2), step_m=STEP_M, scales=before)
+    entry = CachedSegment(replace(ENTRY.facts, length=len(payload)), payload)
+    record = LandingRecord(1, lambda: 0.0, 0.0)
+    record.planned(PLAN, (), before)
+    record.arrive(entry, "stream")
+    (old,) = record.segments.values()
+    record.planned(PLAN, (entry,), after)
+    (new,) = record.segments.values()
+    assert new.source == "stream"
+    rise = new.arrays().attributes["grade"] - old.arrays().attributes["grade"]
+    assert np.nanmin(rise) == pytest.approx(1.0, abs=1e-6)
+    assert np.nanmax(rise) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_without_the_manifest_a_segment_says_why_it_is_not_decoded() -> None:
+    error = HttpError("http://h/scenes/a", 0, "no answer")
+    with pytest.raises(HttpError) as caught:
+        Segment(ENTRY, "stream", error).arrays()
+    assert caught.value is error
 
 
 def test_only_a_publication_names_a_newer_version(desk: Desk) -> None:

@@ -130,6 +130,16 @@ def test_whole_numbers_of_64_bits_cannot_be_missing(tmp_path: Path) -> None:
         read_survey(find_survey(tmp_path))
 
 
+def test_more_attributes_than_a_segment_has_bits_for_are_left_out(tmp_path: Path) -> None:
+    names = [f"band_{number}" for number in range(33)]
+    rows = [",".join(str(row * 7 + n) for n in range(36)) for row in range(4)]
+    (tmp_path / "a.csv").write_text("\n".join([",".join(["x", "y", "z", *names]), *rows]) + "\n")
+    survey = read_survey(tmp_path / "a.csv")
+    assert list(survey.attributes) == names[:31]
+    (warning,) = [text for text in survey.warnings if "at most 31" in text]
+    assert warning.startswith("The survey has 33 attributes, expected at most 31: band_31")
+
+
 def test_points_of_a_file_without_colour_are_grey_and_it_is_named(tmp_path: Path) -> None:
     write_laz(tmp_path / "west.laz", HILL, HILL.inside(0, 0, 2))
     write_laz(tmp_path / "east.laz", HILL, HILL.inside(1, 0, 2), colour=False)

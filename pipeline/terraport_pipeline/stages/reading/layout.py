@@ -87,7 +87,8 @@ def decide_layout(spooled: Sequence[Spooled], survey: SurveyFiles) -> tuple[Layo
             lacking[name] = without
     # (2) Types, and what stands where a file lacks the column: the format's own "not set" where it
     # has one, else NaN. Whole numbers become float64 for that, which the clean stage knows of.
-    names, dtypes, fills = [], [], []
+    names: list[str] = []
+    dtypes, fills = [], []
     whole: list[str] = []
     left_out: list[str] = []
     gaps: dict[str, list[str]] = {}
