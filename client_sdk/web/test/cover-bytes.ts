@@ -1,8 +1,8 @@
 /** Covers to test with: `base.cover` as the plainest writer makes it, every step with a number and for one face. */
 
-import { xxh3 } from "../src/core/payload/engines.ts";
+import { xxh3 } from "../src/core/payload/hash.ts";
 
-/** The bytes of a cover with these rows. Needs `prepareDecoders`. */
+/** The bytes of a cover with these rows. Needs `prepareHash`. */
 export function coverBytes(rows: readonly (readonly number[])[]): Uint8Array<ArrayBuffer> {
   const steps: number[] = [];
   let last = 0;

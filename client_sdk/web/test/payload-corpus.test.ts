@@ -2,20 +2,26 @@
 
 import { createHash } from "node:crypto";
 import { readdirSync, readFileSync } from "node:fs";
-import { beforeAll, describe, expect, it } from "vitest";
+import { describe, expect, it } from "vitest";
 import { AccessorReader } from "../src/core/payload/accessors.ts";
-import { prepareDecoders } from "../src/core/payload/engines.ts";
 import { PayloadError } from "../src/core/payload/errors.ts";
 import { decodeGlb } from "../src/core/payload/glb.ts";
 import { splitGlb } from "../src/core/payload/glb-container.ts";
 import { readImageHeader } from "../src/core/payload/image-header.ts";
-import type { MeshData } from "../src/core/types.ts";
+import { decodeSegment } from "../src/core/payload/segment-format.ts";
+import type { AttributeScale, MeshData } from "../src/core/types.ts";
 
 const CORPUS = new URL("../../../tests/conformance/scene/payload/", import.meta.url);
+/** Float32 against float64. */
+const EXACT = 4e-6;
+/** Components are rounded to whole 127ths: by 0.5 each, and 0.5 * sqrt(3) together. */
+const ROUNDED = 0.87 / 127;
 const NAMES = readdirSync(CORPUS).filter((name) => !name.endsWith(".json"));
 
 interface Expected {
   readonly good: boolean;
+  /** Of a segment: the scene's attributes. */
+  readonly scales?: AttributeScale[];
   readonly error?: string;
   readonly positions: number[][];
   readonly faces: number[][];
@@ -27,16 +33,13 @@ interface Expected {
   readonly texture?: { media_type: string; width: number; height: number; sha256: string; gpu_bytes: number };
 }
 
-beforeAll(prepareDecoders);
-
 describe("good", () => {
   it.each(namesOf(true))("%s", async (name) => {
     const expected = expectedOf(name);
-    const bytes = bytesOf(name);
-    const mesh = await decodeGlb(bytes, name.includes("base") ? -1 : 3);
+    const mesh = await decode(name);
     expect(positionsOf(mesh)).toEqual(expected.positions);
     expect(rows(mesh.indices, 3, 3)).toEqual(expected.faces);
-    expectClose(rows(mesh.normals, 4, 3).map(unit), expected.normals);
+    expectClose(rows(mesh.normals, 4, 3).map(unit), expected.normals, isSegment(name) ? ROUNDED : EXACT);
     expect(mesh.colours === null ? null : rows(mesh.colours, 4, 3).map((row) => row.map(srgb))).toEqual(
       expected.colours,
     );
@@ -50,8 +53,9 @@ describe("good", () => {
       expectClose(
         rows(mesh.uvs, 2, 2).map((code) => [code[0]! * u, code[1]! * v]),
         expected.uvs!,
+        EXACT,
       );
-      expect(expected.texture).toMatchObject(imageOf(bytes));
+      expect(expected.texture).toMatchObject(imageOf(name));
     }
     for (const axis of [0, 1, 2] as const) {
       const along = expected.positions.map((position) => position[axis]!);
@@ -62,18 +66,28 @@ describe("good", () => {
 
 describe("bad", () => {
   it.each(namesOf(false))("%s", async (name) => {
-    await expect(decodeGlb(bytesOf(name), 3)).rejects.toBeInstanceOf(PayloadError);
+    await expect(decode(name)).rejects.toBeInstanceOf(PayloadError);
   });
 });
 
 it("runs every file of the corpus", () => {
-  expect(NAMES.filter((name) => !name.endsWith(".glb"))).toEqual([]);
-  expect(namesOf(true).length).toBeGreaterThanOrEqual(8);
-  expect(namesOf(false).length).toBeGreaterThanOrEqual(15);
+  expect(NAMES.filter((name) => !/\.(glb|tsg)$/.test(name))).toEqual([]);
+  expect(namesOf(true).filter(isSegment).length).toBeGreaterThanOrEqual(15);
+  expect(namesOf(false).filter(isSegment).length).toBeGreaterThanOrEqual(29);
+  expect(namesOf(true).length).toBeGreaterThanOrEqual(8 + 15);
+  expect(namesOf(false).length).toBeGreaterThanOrEqual(15 + 29);
 });
 
 function namesOf(isValid: boolean): string[] {
-  return NAMES.filter((name) => name.endsWith(".glb") && expectedOf(name).good === isValid);
+  return NAMES.filter((name) => expectedOf(name).good === isValid);
+}
+
+function isSegment(name: string): boolean {
+  return name.endsWith(".tsg");
+}
+
+function decode(name: string): Promise<MeshData> {
+  return isSegment(name) ? decodeSegment(bytesOf(name), 3, expectedOf(name).scales!) : decodeGlb(bytesOf(name));
 }
 
 function bytesOf(name: string): Uint8Array<ArrayBuffer> {
@@ -116,19 +130,27 @@ function valuesOf({ offset, step, codes }: MeshData["attributes"][number]): (num
   return rows(codes, 2, 1).map(([code]) => (code === 65535 ? null : Math.fround(offset + step * code!)));
 }
 
-function expectClose(actual: number[][], expected: number[][]): void {
+function expectClose(actual: number[][], expected: number[][], tolerance: number): void {
   expect(actual.length).toBe(expected.length);
   for (const [row, values] of actual.entries()) {
     for (const [column, value] of values.entries())
-      expect(Math.abs(value - expected[row]![column]!)).toBeLessThan(4e-6);
+      expect(Math.abs(value - expected[row]![column]!)).toBeLessThan(tolerance);
   }
 }
 
 /** Of the image's own bytes, as the file in the payload is. */
-function imageOf(bytes: Uint8Array<ArrayBuffer>): object {
-  const glb = splitGlb(bytes);
-  const [image] = glb.gltf.images as { bufferView: number }[];
-  const file = new AccessorReader(glb).image(image!.bufferView);
+function imageOf(name: string): object {
+  const file = isSegment(name) ? imageOfSegment(bytesOf(name)) : imageOfGlb(bytesOf(name));
   const { mediaType, width, height } = readImageHeader(file);
   return { media_type: mediaType, width, height, sha256: createHash("sha256").update(file).digest("hex") };
+}
+
+function imageOfGlb(bytes: Uint8Array<ArrayBuffer>): Uint8Array {
+  const glb = splitGlb(bytes);
+  const [image] = glb.gltf.images as { bufferView: number }[];
+  return new AccessorReader(glb).image(image!.bufferView);
+}
+
+function imageOfSegment(bytes: Uint8Array<ArrayBuffer>): Uint8Array {
+  return bytes.subarray(12 + new DataView(bytes.buffer).getUint32(4, true));
 }

@@ -3,8 +3,8 @@
 import { readdirSync, readFileSync } from "node:fs";
 import { beforeAll, describe, expect, it } from "vitest";
 import { decodeCover } from "../src/core/payload/cover.ts";
-import { prepareDecoders } from "../src/core/payload/engines.ts";
 import { PayloadError } from "../src/core/payload/errors.ts";
+import { prepareHash } from "../src/core/payload/hash.ts";
 import { coverBytes } from "./cover-bytes.ts";
 
 const CORPUS = new URL("../../../tests/conformance/scene/cover/", import.meta.url);
@@ -20,7 +20,7 @@ interface Expected {
   readonly segments: number[];
 }
 
-beforeAll(prepareDecoders);
+beforeAll(prepareHash);
 
 describe("good", () => {
   it.each(NAMES.filter((name) => name.startsWith("good")))("%s", (name) => {

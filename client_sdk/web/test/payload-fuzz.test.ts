@@ -3,25 +3,35 @@
 import { readdirSync, readFileSync } from "node:fs";
 import { beforeAll, describe, expect, it, vi } from "vitest";
 import { decodeCover } from "../src/core/payload/cover.ts";
-import { prepareDecoders } from "../src/core/payload/engines.ts";
 import { PayloadError } from "../src/core/payload/errors.ts";
 import { decodeGlb } from "../src/core/payload/glb.ts";
 import { splitGlb } from "../src/core/payload/glb-container.ts";
+import { prepareHash } from "../src/core/payload/hash.ts";
 import { readImageHeader } from "../src/core/payload/image-header.ts";
+import { decodeSegment } from "../src/core/payload/segment-format.ts";
 import type { MeshData } from "../src/core/types.ts";
 import { sealed } from "./cover-bytes.ts";
 import { mutated, seeded } from "./seeded.ts";
+import { imageOf, segmentWith, streamOf } from "./segment-bytes.ts";
 
 vi.setConfig({ testTimeout: 60_000 });
 
 const CORPUS = new URL("../../../tests/conformance/scene/", import.meta.url);
+const GOLDEN = new URL("../../../tests/payload/golden_segments/", import.meta.url);
 const MUTATIONS = 250;
 
 const GLBS: [string, Uint8Array<ArrayBuffer>][] = readdirSync(new URL("payload/", CORPUS))
   .filter((name) => /^good-.*\.glb$/.test(name))
   .map((name) => [name, new Uint8Array(readFileSync(new URL(`payload/${name}`, CORPUS)))]);
 
-beforeAll(prepareDecoders);
+/** Those of the corpus, and of the tests in Python. */
+const SEGMENTS: [string, Uint8Array<ArrayBuffer>][] = [
+  ...["colours", "image", "plain"].map((name) => new URL(`${name}.tsg`, GOLDEN)),
+  ...["attributes", "jpeg", "no-strips", "regions"].map((name) => new URL(`payload/good-${name}.tsg`, CORPUS)),
+].map((url) => [url.pathname.split("/").at(-1)!, new Uint8Array(readFileSync(url))]);
+const SCALES = ["grade", "height_change_m"].map((name) => ({ name, offset: 0, step: 1 }));
+
+beforeAll(prepareHash);
 
 describe("a GLB", () => {
   it.each(GLBS)("%s, any bytes of it changed", async (name, bytes) => {
@@ -44,7 +54,7 @@ describe("a GLB", () => {
 
   it.each(GLBS.slice(0, 2))("%s, every truncation", async (_name, bytes) => {
     for (let length = 0; length < bytes.length; length += 7) {
-      await expect(decodeGlb(resized(bytes.slice(0, length)), 0)).rejects.toBeInstanceOf(PayloadError);
+      await expect(decodeGlb(resized(bytes.slice(0, length)))).rejects.toBeInstanceOf(PayloadError);
     }
   });
 
@@ -58,8 +68,36 @@ describe("a GLB", () => {
       if (packed !== undefined) packed.count = 100_000_000;
     }
     const bytesBefore = process.memoryUsage().rss;
-    await expect(decodeGlb(withJson(bytes, json), 0)).rejects.toBeInstanceOf(PayloadError);
+    await expect(decodeGlb(withJson(bytes, json))).rejects.toBeInstanceOf(PayloadError);
     expect(process.memoryUsage().rss - bytesBefore).toBeLessThan(100_000_000);
+  });
+});
+
+describe("a segment", () => {
+  it.each(SEGMENTS)("%s, any bytes of it changed", async (name, bytes) => {
+    const chance = seeded(bytes.length);
+    for (let round = 0; round < MUTATIONS; round += 1) {
+      await trySegment(mutated(bytes, chance), `${name}, round ${round}`);
+    }
+  });
+
+  it.each(SEGMENTS)("%s, its stream changed under a right checksum", async (name, bytes) => {
+    const chance = seeded(bytes.length + 1);
+    let acceptedCount = 0;
+    for (let round = 0; round < MUTATIONS; round += 1) {
+      const stream = streamOf(bytes);
+      for (let step = 1 + chance(4); step > 0; step -= 1) stream[chance(stream.length)] = chance(256);
+      if (await trySegment(segmentWith(stream, imageOf(bytes)), `${name}, round ${round}`)) acceptedCount += 1;
+    }
+    // Positions and the like may change.
+    expect(acceptedCount).toBeGreaterThan(0);
+    expect(acceptedCount).toBeLessThan(MUTATIONS);
+  });
+
+  it.each(SEGMENTS)("%s, every truncation", async (_name, bytes) => {
+    for (let length = 0; length < bytes.length; length += 7) {
+      await expect(decodeSegment(bytes.slice(0, length), 0, SCALES)).rejects.toBeInstanceOf(PayloadError);
+    }
   });
 });
 
@@ -102,19 +140,21 @@ describe("a cover", () => {
   });
 });
 
-it("random bytes are no cover, no GLB and no image", async () => {
+it("random bytes are no cover, no GLB, no segment and no image", async () => {
   const chance = seeded(4);
   const starts = [
     [],
     [0xff, 0xd8, 0xff],
     [0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a],
     [...Buffer.from("RIFF....WEBPVP8X")],
+    [...Buffer.from("TSG2")],
   ];
   for (let round = 0; round < 2_000; round += 1) {
     const start = starts[chance(starts.length)]!;
     const bytes = Uint8Array.from([...start, ...Array.from({ length: chance(64) }, () => chance(256))]);
     expect(() => decodeCover(bytes, 0, 1)).toThrow(PayloadError);
-    await expect(decodeGlb(bytes, 0)).rejects.toBeInstanceOf(PayloadError);
+    await expect(decodeGlb(bytes)).rejects.toBeInstanceOf(PayloadError);
+    await expect(decodeSegment(bytes, 0, [])).rejects.toBeInstanceOf(PayloadError);
     try {
       const { width, height } = readImageHeader(bytes);
       expect(Number.isInteger(width) && Number.isInteger(height)).toBe(true);
@@ -124,10 +164,18 @@ it("random bytes are no cover, no GLB and no image", async () => {
   }
 });
 
+function tryGlb(bytes: Uint8Array<ArrayBuffer>, label: string): Promise<boolean> {
+  return tryDecode(decodeGlb(bytes), label);
+}
+
+function trySegment(bytes: Uint8Array<ArrayBuffer>, label: string): Promise<boolean> {
+  return tryDecode(decodeSegment(bytes, 0, SCALES), label);
+}
+
 /** True where it is taken; then it must be a mesh that a GPU can be given. */
-async function tryGlb(bytes: Uint8Array<ArrayBuffer>, label: string): Promise<boolean> {
+async function tryDecode(decoding: Promise<MeshData>, label: string): Promise<boolean> {
   try {
-    expectMesh(await decodeGlb(bytes, 0));
+    expectMesh(await decoding);
     return true;
   } catch (error) {
     if (!(error instanceof PayloadError)) throw new Error(label, { cause: error });

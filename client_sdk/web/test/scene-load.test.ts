@@ -5,7 +5,7 @@ import type { IncomingMessage, Server, ServerResponse } from "node:http";
 import { createServer } from "node:http";
 import type { AddressInfo } from "node:net";
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { prepareDecoders, xxh3 } from "../src/core/payload/engines.ts";
+import { prepareHash, xxh3 } from "../src/core/payload/hash.ts";
 import { readImageHeader } from "../src/core/payload/image-header.ts";
 import { StreamError } from "../src/core/scene/errors.ts";
 import type { LoadOptions } from "../src/core/scene/load.ts";
@@ -154,7 +154,7 @@ describe("a scene with an overview", () => {
   async function servedWith(overview: Buffer): Promise<void> {
     const files = filesOf("tiny");
     const manifest = JSON.parse(files.get("scene.json")!.toString()) as { files: Record<string, unknown> };
-    await prepareDecoders();
+    await prepareHash();
     const hash = xxh3(overview).toString(16).padStart(16, "0");
     manifest.files["overview.glb"] = { path: "v/overview.glb", bytes: overview.length, xxh3: hash };
     files.set("scene.json", Buffer.from(JSON.stringify(manifest))).set("overview.glb", overview);
@@ -204,6 +204,19 @@ describe("a damaged scene", () => {
     const { regions } = await loading;
     // Damaged labels never take the ground away; only the build's own remain.
     if (damage.file === "labels.json") expect(regions.map((region) => region.label)).toEqual([null, "bench", null]);
+  });
+
+  it.each<[(string | number)[], unknown, string]>([
+    [["attributes", 0, "step"], 0, 'scale of attribute "grade"'],
+    [["attributes", 0, "step"], 1e36, 'scale of attribute "grade"'],
+    [["attributes", 0, "offset"], null, 'offset of attribute "grade"'],
+    [["encodings"], { glb: {} }, "encodings.segment-2 is missing"],
+  ])("whose segments cannot be decoded: %j %j", async (key, value, text) => {
+    scenes.set("tiny", filesOf("tiny", { name: text, file: "scene.json", edit: { set: [key, value] } }));
+    await expect(loadScene(`${url}/scenes/tiny`)).rejects.toMatchObject({
+      code: "damaged",
+      message: expect.stringContaining(text),
+    });
   });
 
   it("every refusal is one of the corpus", () => {

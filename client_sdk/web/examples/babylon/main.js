@@ -56,7 +56,7 @@ function meshOf(data, name) {
   return mesh;
 }
 
-const { base, cover } = await loadSceneInWorker(sceneUrl);
+const { manifest, base, cover } = await loadSceneInWorker(sceneUrl);
 const ground = meshOf(base, "base");
 ground.setEnabled(true);
 const hidden = new CoverCounters(cover);
@@ -87,7 +87,7 @@ function swap({ shown, hidden: gone, visible }) {
 
 engine.runRenderLoop(() => {
   for (const { segment, epoch } of residency.takeDecodes())
-    stream.mesh(segment).then(
+    stream.mesh(segment, manifest.attributes).then(
       (data) => put(segment, epoch, data),
       () => residency.decodeFailed(segment, epoch),
     );

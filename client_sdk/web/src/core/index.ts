@@ -2,7 +2,8 @@
  * `@terraport/client/core`: scenes, streams and decoded segments, for any renderer. No three.js, no DOM.
  *
  * A landing is asked of a {@link Stream}; {@link Residency}, to which {@link passOn} passes the stream's events, says which
- * segments an engine is to upload, show and free, and {@link CoverCounters} which faces of the base to hide under them.
+ * segments an engine is to upload, show and free, and {@link CoverCounters} which faces of the base to hide under them. A
+ * segment is decoded by `stream.mesh(segment, manifest.attributes)`.
  */
 
 export { budgetsFor, type DeviceBudgets, type DeviceClass } from "./budgets.ts";

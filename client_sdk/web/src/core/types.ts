@@ -42,11 +42,15 @@ export interface Budgets {
   readonly gpuFaceBytes?: number;
 }
 
-/** One survey attribute of a mesh: value = offset + step * code; 65535 means "no value". */
-export interface AttributeCodes {
+/** How 16-bit codes of a survey attribute become values: offset + step * code; code 65535 means "no value". */
+export interface AttributeScale {
   readonly name: string;
   readonly offset: number;
   readonly step: number;
+}
+
+/** One survey attribute of a mesh. */
+export interface AttributeCodes extends AttributeScale {
   /** Two entries per vertex (stride 4 bytes): the code, and padding. */
   readonly codes: Uint16Array;
 }
@@ -109,8 +113,7 @@ export interface Cover {
 }
 
 /** A value that the survey has at its points. */
-export interface AttributeInfo {
-  readonly name: string;
+export interface AttributeInfo extends AttributeScale {
   /** Of the encoded values; null when there is none. */
   readonly min: number | null;
   readonly max: number | null;
@@ -452,8 +455,11 @@ export interface Stream {
   aim(position: Vec3, radiusM: number, coarseRadiusM?: number): void;
   /** Resolves with null where nothing is met; rejects with StreamError where refused. */
   pick(origin: Vec3, direction?: Vec3): Promise<PickHit | null>;
-  /** Decode a held segment; rejects with StreamError where it is not held, or is not a valid payload. */
-  mesh(segment: number): Promise<MeshData>;
+  /**
+   * Decode a held segment; rejects with StreamError where it is not held, or is not a valid payload. `attributes` are those of
+   * the manifest of the session's version: a payload holds their codes alone.
+   */
+  mesh(segment: number, attributes: readonly AttributeScale[]): Promise<MeshData>;
   stats(): Promise<StreamStats>;
   /** Join a group, go with it, or lead it; what comes of it is told by `group` events. */
   group(command: GroupCommand): void;

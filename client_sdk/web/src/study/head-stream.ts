@@ -8,6 +8,7 @@
 
 import type { GroupCommand } from "../core/group-types.ts";
 import type {
+  AttributeScale,
   LandOptions,
   MeshData,
   PickHit,
@@ -143,8 +144,8 @@ export class HeadStream implements Stream {
     return this.#inner.pick(origin, direction);
   }
 
-  mesh(segment: number): Promise<MeshData> {
-    return this.#inner.mesh(segment);
+  mesh(segment: number, attributes: readonly AttributeScale[]): Promise<MeshData> {
+    return this.#inner.mesh(segment, attributes);
   }
 
   stats(): Promise<StreamStats> {

@@ -99,7 +99,7 @@ export class Stage implements Landings {
       this.#material,
       this.#residency,
       options.maxGpuBytes ?? Number.POSITIVE_INFINITY,
-      (id) => options.stream.mesh(id).then(({ image }) => image),
+      (id) => this.#mesh(id).then(({ image }) => image),
     );
     this.#looks = new StageLooks(this.#material, this.#grounds);
     this.#base = new BaseGround(this.#store, options.files, this.#material);
@@ -422,12 +422,18 @@ export class Stage implements Landings {
   }
 
   #askForMeshes(): void {
+    // The new version's attributes are not here yet.
+    if (this.#isOldVersion) return;
     for (const { segment, epoch } of this.#residency.takeDecodes()) {
-      this.#stream.mesh(segment).then(
+      this.#mesh(segment).then(
         (data) => this.#onMesh(segment, data, epoch),
         () => this.#residency.decodeFailed(segment, epoch),
       );
     }
+  }
+
+  #mesh(segment: number): Promise<MeshData> {
+    return this.#stream.mesh(segment, this.#files.manifest.attributes);
   }
 
   #onMesh(segment: number, data: MeshData, epoch: number): void {

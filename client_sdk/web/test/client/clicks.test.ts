@@ -36,7 +36,7 @@ async function everySegment(sceneUrl: string, files: SceneFiles): Promise<Pickab
   const middle: Vec3 = [0, 1, 2].map((axis) => (bounds[axis]! + bounds[axis + 3]!) / 2) as unknown as Vec3;
   const { visible } = await ready(stream.land(middle, Math.hypot(bounds[3] - bounds[0], bounds[5] - bounds[2])));
   expect(visible).toHaveLength(files.manifest.segmentCount);
-  const meshes = await Promise.all(visible.map((segment) => stream.mesh(segment)));
+  const meshes = await Promise.all(visible.map((segment) => stream.mesh(segment, files.manifest.attributes)));
   stream.close();
   return meshes.map((mesh) => ({ segment: mesh.segment, bounds: mesh.bounds, boxes: new FaceBoxes(mesh) }));
 }

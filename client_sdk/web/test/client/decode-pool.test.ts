@@ -36,6 +36,7 @@ class StandInWorker {
 let workers: StandInWorker[];
 let pool: DecodePool;
 const payload = Uint8Array.of(1, 2, 3);
+const job = (segment: number): DecodeJob => ({ payload, segment, attributes: [] });
 
 beforeEach(() => {
   vi.useFakeTimers();
@@ -53,7 +54,7 @@ afterEach(() => {
 });
 
 test("no more workers than allowed, one job each, in order", async () => {
-  const meshes = [4, 5, 6, 7].map((segment) => pool.decode(payload, segment));
+  const meshes = [4, 5, 6, 7].map((segment) => pool.decode(job(segment)));
   expect(workers.map((worker) => worker.jobs.map((job) => job.segment))).toEqual([[4], [5]]);
   for (const worker of [1, 0, 1, 0]) workers[worker]!.answer();
   expect((await Promise.all(meshes)).map((mesh) => mesh.segment)).toEqual([4, 5, 6, 7]);
@@ -65,15 +66,15 @@ test("no more workers than allowed, one job each, in order", async () => {
 
 test("a payload is copied for the worker: the cache keeps its own", () => {
   const view = new Uint8Array(64).subarray(24, 27);
-  pool.decode(view, 1).catch(() => {});
+  pool.decode({ payload: view, segment: 1, attributes: [] }).catch(() => {});
   const sent = workers[0]!.jobs[0]!.payload;
   expect([sent.byteLength, sent.buffer.byteLength, sent.buffer === view.buffer]).toEqual([3, 3, false]);
 });
 
 test("a worker that fails is told to its job alone, and replaced", async () => {
-  const first = pool.decode(payload, 1);
-  const second = pool.decode(payload, 2);
-  const third = pool.decode(payload, 3);
+  const first = pool.decode(job(1));
+  const second = pool.decode(job(2));
+  const third = pool.decode(job(3));
   workers[0]!.crash();
   await expect(first).rejects.toMatchObject({ code: "worker_failed", message: expect.stringContaining("memory") });
   expect([workers.length, workers[0]!.ended, workers[2]!.jobs[0]?.segment]).toEqual([3, true, 3]);
@@ -83,25 +84,27 @@ test("a worker that fails is told to its job alone, and replaced", async () => {
 });
 
 test("a worker that is stuck is ended", async () => {
-  const mesh = pool.decode(payload, 1);
+  const mesh = pool.decode(job(1));
   vi.advanceTimersByTime(30_000);
   await expect(mesh).rejects.toMatchObject({ code: "worker_failed" });
   expect(workers[0]!.ended).toBe(true);
 });
 
 test("five failures in a row and no more is tried", async () => {
-  const meshes = Array.from({ length: 8 }, (_, segment) => pool.decode(payload, segment));
+  const meshes = Array.from({ length: 8 }, (_, segment) => pool.decode(job(segment)));
   for (let count = 0; count < 5; count++) workers.at(-1)!.crash();
   const ends = await Promise.allSettled([...meshes.slice(1)]);
   expect(ends.every((end) => end.status === "rejected")).toBe(true);
-  await expect(pool.decode(payload, 9)).rejects.toMatchObject({ code: "worker_failed" });
+  await expect(pool.decode(job(9))).rejects.toMatchObject({
+    code: "worker_failed",
+  });
   await expect(Promise.race([meshes[0], Promise.resolve("waits")])).resolves.toBe("waits");
   meshes[0]!.catch(() => {});
 });
 
 test("a payload that is damaged is no failure of the worker", async () => {
   for (let count = 0; count < 6; count++) {
-    const mesh = pool.decode(payload, 1);
+    const mesh = pool.decode(job(1));
     const error = sentError(new PayloadError("got 3 bytes, expected a GLB", 0));
     workers[0]!.onmessage?.({ data: { type: "failed", error } });
     await expect(mesh).rejects.toMatchObject({ name: "StreamError", code: "damaged" });
@@ -110,9 +113,11 @@ test("a payload that is damaged is no failure of the worker", async () => {
 });
 
 test("what waits is bounded, and told when the pool is closed", async () => {
-  const meshes = Array.from({ length: 1026 }, (_, segment) => pool.decode(payload, segment));
+  const meshes = Array.from({ length: 1026 }, (_, segment) => pool.decode(job(segment)));
   for (const mesh of meshes) mesh.catch(() => {});
-  await expect(pool.decode(payload, 0)).rejects.toMatchObject({ code: "too_many" });
+  await expect(pool.decode(job(0))).rejects.toMatchObject({
+    code: "too_many",
+  });
   pool.close();
   const ends = await Promise.allSettled(meshes);
   expect(ends.every((end) => end.status === "rejected" && end.reason.code === "closed")).toBe(true);

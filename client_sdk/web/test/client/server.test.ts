@@ -12,6 +12,7 @@ import { execFile } from "node:child_process";
 import { fileURLToPath } from "node:url";
 import { promisify } from "node:util";
 import { afterEach, describe, expect, test } from "vitest";
+import { loadScene } from "../../src/core/scene/load.ts";
 import { sceneUrlOf } from "../../src/core/scene/urls.ts";
 import type { Vec3 } from "../../src/core/types.ts";
 import { type CuttingProxy, cuttingProxy } from "./cutting-proxy.ts";
@@ -69,8 +70,9 @@ describe.skipIf(skipped !== null)(`on a real server${skipped === null ? "" : ` (
     expect(stats.payloadBytes).toBe(first.payloadBytes + hop.payloadBytes);
     const facts = of("arrived").map((event) => event.facts);
     expect(stats.heldBytes).toBe(facts.reduce((sum, row) => sum + row.length, 0));
+    const { manifest } = await loadScene(sceneUrlOf(TERRAPORT_URL ?? "", TERRAPORT_SCENE));
     for (const segment of first.visible.slice(0, 4)) {
-      const mesh = await stream.mesh(segment);
+      const mesh = await stream.mesh(segment, manifest.attributes);
       const announced = facts.find((row) => row.segment === segment);
       expect([mesh.segment, mesh.faceCount, mesh.vertexCount]).toEqual([
         segment,
@@ -151,7 +153,7 @@ describe.skipIf(skipped !== null)(`on a real server${skipped === null ? "" : ` (
     expect(() => stream.land([Number.NaN, 0, 0], 10)).toThrow(RangeError);
     expect(() => stream.aim(HERE, -1)).toThrow(RangeError);
     await expect(stream.pick(HERE, [0, 0, 0])).rejects.toThrow(RangeError);
-    await expect(stream.mesh(123)).rejects.toMatchObject({ name: "StreamError", code: "not_held" });
+    await expect(stream.mesh(123, [])).rejects.toMatchObject({ name: "StreamError", code: "not_held" });
     const far = stream.land(HERE, 100_000);
     const refused = await until("refused");
     expect(refused).toMatchObject({ landing: far, code: "radius_too_large", fatal: false });
@@ -177,7 +179,7 @@ describe.skipIf(skipped !== null)(`on a real server${skipped === null ? "" : ` (
     const count = events.length;
     stream.close();
     await expect(pick).rejects.toMatchObject({ code: "closed" });
-    await expect(stream.mesh(0)).rejects.toMatchObject({ code: "closed" });
+    await expect(stream.mesh(0, [])).rejects.toMatchObject({ code: "closed" });
     await new Promise((resolve) => setTimeout(resolve, 200));
     expect(events.length).toBe(count);
   });

@@ -3,7 +3,7 @@
 import { readdirSync, readFileSync } from "node:fs";
 import { beforeAll, describe, expect, test } from "vitest";
 import type { GroupEvent, GroupRole } from "../../src/core/group-types.ts";
-import { prepareDecoders, xxh3 } from "../../src/core/payload/engines.ts";
+import { prepareHash, xxh3 } from "../../src/core/payload/hash.ts";
 import type { SessionEvent } from "../../src/core/session/events.ts";
 import { ClientSession } from "../../src/core/session/session.ts";
 import { ProtocolViolation } from "../../src/core/session/violation.ts";
@@ -24,7 +24,7 @@ interface History {
 
 type Step = { readonly do: readonly [string, ...unknown[]]; readonly told: Told };
 
-beforeAll(prepareDecoders);
+beforeAll(prepareHash);
 
 describe.each(readdirSync(CORPUS).filter((name) => name.endsWith(".jsonl")))(
   "the session corpus, step by step: %s",

@@ -1,7 +1,7 @@
 /** What is kept for the next visit: it comes back as it was, or not at all. */
 
 import { beforeAll, expect, test } from "vitest";
-import { prepareDecoders, xxh3 } from "../../src/core/payload/engines.ts";
+import { prepareHash, xxh3 } from "../../src/core/payload/hash.ts";
 import type { CachedSegment } from "../../src/core/session/cache.ts";
 import { readBundle, writeBundle } from "../../src/core/session/kept-bundle.ts";
 import { mutated, seeded } from "../seeded.ts";
@@ -12,7 +12,7 @@ function entry(segment: number, bytes: number): CachedSegment {
   return { facts, payload } as unknown as CachedSegment;
 }
 
-beforeAll(prepareDecoders);
+beforeAll(prepareHash);
 
 test("comes back as it was written", () => {
   const entries = [entry(3, 100), entry(700, 1), entry(0, 4096)];

@@ -1,7 +1,7 @@
 /** Landings and aims with a ring of the coarser level: what is asked for. */
 
 import { beforeAll, expect, it } from "vitest";
-import { prepareDecoders, xxh3 } from "../../src/core/payload/engines.ts";
+import { prepareHash, xxh3 } from "../../src/core/payload/hash.ts";
 import { ClientSession } from "../../src/core/session/session.ts";
 import { decodeMessage, encodeMessage } from "../../src/core/wire/codec.ts";
 import { type ClientMessage, PROTOCOL, type WelcomeMessage } from "../../src/core/wire/messages.generated.ts";
@@ -9,7 +9,7 @@ import { type ClientMessage, PROTOCOL, type WelcomeMessage } from "../../src/cor
 const HERE = [1, 2, 3] as const;
 const MAX_RADIUS_M = 100;
 
-beforeAll(prepareDecoders);
+beforeAll(prepareHash);
 
 function welcome(maxRadiusM: number): Uint8Array<ArrayBuffer> {
   const message: WelcomeMessage = {

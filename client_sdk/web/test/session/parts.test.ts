@@ -2,7 +2,7 @@
 
 import { describe, expect, test } from "vitest";
 import { budgetsFor } from "../../src/core/budgets.ts";
-import { xxh3 } from "../../src/core/payload/engines.ts";
+import { xxh3 } from "../../src/core/payload/hash.ts";
 import { Assembler } from "../../src/core/session/assembly.ts";
 import { waitMs } from "../../src/core/session/backoff.ts";
 import { type CachedSegment, SegmentCache } from "../../src/core/session/cache.ts";

@@ -3,8 +3,7 @@
 import { readFileSync } from "node:fs";
 import { Group, PerspectiveCamera } from "three";
 import { afterAll, beforeAll, describe, expect, it, vi } from "vitest";
-import { prepareDecoders } from "../../src/core/payload/engines.ts";
-import { decodeGlb } from "../../src/core/payload/glb.ts";
+import { decodeSegment } from "../../src/core/payload/segment-format.ts";
 import type { SceneManifest } from "../../src/core/types.ts";
 import { GpuStore } from "../../src/three/gpu-store.ts";
 import { GroundMaterial } from "../../src/three/ground-material.ts";
@@ -15,19 +14,22 @@ import { FakeContext, fakeRenderer } from "./fake-gpu.ts";
 
 const PAYLOADS = new URL("../../../../tests/conformance/scene/payload/", import.meta.url);
 const NAME = "height_change_m";
+const SCALES = [
+  { name: "grade", offset: 0, step: 2.5 / 65534 },
+  { name: NAME, offset: -256, step: 2 ** -7 },
+];
 
-beforeAll(async () => {
+beforeAll(() => {
   vi.stubGlobal("WebGL2RenderingContext", FakeContext);
-  await prepareDecoders();
 });
 
 afterAll(() => vi.unstubAllGlobals());
 
 describe("height_change_m in view", () => {
   it.each([
-    ["good-changed.glb", true],
-    ["good-full.glb", false],
-    ["good-bare.glb", false],
+    ["good-attributes.tsg", true],
+    ["good-attribute.tsg", false],
+    ["good-plain.tsg", false],
   ])("%s", async (file, hasChange) => {
     const group = new Group();
     const material = new GroundMaterial({ stepM: 2 ** -12, textures: null } as unknown as SceneManifest, []);
@@ -38,7 +40,7 @@ describe("height_change_m in view", () => {
       pages.setMeasure(name);
       ground.setMeasure(name);
     };
-    const data = await decodeGlb(new Uint8Array(readFileSync(new URL(file, PAYLOADS))), 3);
+    const data = await decodeSegment(new Uint8Array(readFileSync(new URL(file, PAYLOADS))), 3, SCALES);
     const ground = new SegmentGround(store, pages, data.segment, data, NAME);
     for (let step = 0; step < 100 && !ground.isWhole; step += 1) ground.step(() => []);
     ground.isShown = true;
@@ -48,7 +50,7 @@ describe("height_change_m in view", () => {
     expect(drawnUniforms(mesh)).toEqual({ hasMeasure: hasChange, scale: hasChange ? [-256, 2 ** -7] : [0, 0] });
     // To another attribute and back, as a reader of the map does.
     show("grade");
-    expect(mesh.geometry.hasAttribute("measure")).toBe(file !== "good-bare.glb");
+    expect(mesh.geometry.hasAttribute("measure")).toBe(file !== "good-plain.tsg");
     show(NAME);
     expect(mesh.geometry.hasAttribute("measure")).toBe(hasChange);
     ground.free();

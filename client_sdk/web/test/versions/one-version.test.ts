@@ -7,9 +7,9 @@
 
 import { afterEach, beforeAll, beforeEach, describe, expect, it, vi } from "vitest";
 import { type StreamListeners, watchStream } from "../../src/app/viewer/stream-watch.ts";
-import { prepareDecoders } from "../../src/core/payload/engines.ts";
+import { prepareHash } from "../../src/core/payload/hash.ts";
 import { loadScene } from "../../src/core/scene/load.ts";
-import type { MeshData, SceneFiles, Stream, StreamEvent, Vec3 } from "../../src/core/types.ts";
+import type { AttributeScale, MeshData, SceneFiles, Stream, StreamEvent, Vec3 } from "../../src/core/types.ts";
 import { Stage } from "../../src/three/stage.ts";
 import { random as seeded } from "../random.ts";
 import { drawnMeshes, FakeContext, fakeRenderer } from "./fake-gpu.ts";
@@ -24,7 +24,7 @@ const served = new Map<number, ReturnType<typeof filesOfVersion>>();
 const references = new Map<number, SceneFiles>();
 
 beforeAll(async () => {
-  await prepareDecoders();
+  await prepareHash();
   for (const version of VERSIONS) served.set(version, filesOfVersion(version));
   for (const version of VERSIONS) {
     serve(() => version);
@@ -198,7 +198,9 @@ class Page {
         this.#landing += 1;
         return this.#landing;
       },
-      mesh: (segment: number) => {
+      mesh: (segment: number, attributes: readonly AttributeScale[]) => {
+        // A payload has an attribute's codes; what they mean is the version's.
+        expect(attributes.map(({ offset }) => offset)).toEqual([this.session]);
         const mesh = segmentMesh(this.session, segment);
         if (!holdsMeshes) return Promise.resolve(mesh);
         return new Promise<MeshData>((resolve) => this.meshes.push(() => resolve(mesh)));

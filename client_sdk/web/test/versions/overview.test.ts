@@ -1,7 +1,7 @@
 /** A stage that begins with the overview: ground is drawn throughout, once, and no segment before base and cover are here. */
 
 import { afterEach, beforeAll, beforeEach, expect, it, vi } from "vitest";
-import { prepareDecoders } from "../../src/core/payload/engines.ts";
+import { prepareHash } from "../../src/core/payload/hash.ts";
 import { loadScene } from "../../src/core/scene/load.ts";
 import type { MeshData, SceneFiles, Stream } from "../../src/core/types.ts";
 import { Stage } from "../../src/three/stage.ts";
@@ -13,7 +13,7 @@ const OVERVIEW_FACES = 10;
 let files: SceneFiles;
 
 beforeAll(async () => {
-  await prepareDecoders();
+  await prepareHash();
   vi.stubGlobal(
     "fetch",
     fetchOf(new Map([[1, filesOfVersion(1)]]), () => 1),

@@ -2,7 +2,7 @@
 
 import { readFileSync } from "node:fs";
 import { decodeCover } from "../../src/core/payload/cover.ts";
-import { xxh3 } from "../../src/core/payload/engines.ts";
+import { xxh3 } from "../../src/core/payload/hash.ts";
 import { coverBytes } from "../cover-bytes.ts";
 
 const CORPUS = new URL("../../../../tests/conformance/scene/", import.meta.url);
@@ -21,7 +21,7 @@ export function versionText(version: number): string {
 
 /**
  * Version of the scene: the corpus scene of odd and even versions differs, and in each version other segments lie over a base
- * face. Needs `prepareDecoders`.
+ * face, and its attribute begins at the version's number. Needs `prepareHash`.
  */
 export function filesOfVersion(version: number): Files {
   const folder = new URL(version % 2 === 1 ? "tiny/" : "tiny-textured/", CORPUS);
@@ -29,9 +29,11 @@ export function filesOfVersion(version: number): Files {
     version: string;
     counts: { base_faces: number; segments: number };
     files: Record<string, { path: string; bytes: number; xxh3: string }>;
+    attributes: { offset: number }[];
   };
   const files = new Map<string, Uint8Array<ArrayBuffer>>();
   manifest.version = versionText(version);
+  manifest.attributes[0]!.offset = version;
   for (const name of VERSIONED_FILES) {
     const row = manifest.files[name]!;
     let bytes = Uint8Array.from(readFileSync(new URL(row.path, folder)));

@@ -14,9 +14,7 @@ const STUCK_MS = 30_000;
 /** Workers that failed one after the other, without one mesh between: the next would, too. */
 const MAX_FAILURES = 5;
 
-interface Waiting {
-  readonly segment: number;
-  readonly payload: Uint8Array<ArrayBuffer>;
+interface Waiting extends DecodeJob {
   readonly resolve: (mesh: MeshData) => void;
   readonly reject: (error: StreamError) => void;
 }
@@ -43,7 +41,7 @@ export class DecodePool {
   }
 
   /** Decode one payload, of which a copy is sent to a worker. Rejects with StreamError. */
-  decode(payload: Uint8Array<ArrayBuffer>, segment: number): Promise<MeshData> {
+  decode(job: DecodeJob): Promise<MeshData> {
     if (this.#waiting.length >= MAX_WAITING) {
       return Promise.reject(new StreamError("too_many", `${MAX_WAITING} segments wait for a decoder already`));
     }
@@ -51,7 +49,7 @@ export class DecodePool {
       return Promise.reject(new StreamError("worker_failed", `the last ${MAX_FAILURES} decode workers failed`));
     }
     return new Promise((resolve, reject) => {
-      this.#waiting.push({ segment, payload, resolve, reject });
+      this.#waiting.push({ ...job, resolve, reject });
       this.#proceed();
     });
   }
@@ -77,7 +75,7 @@ export class DecodePool {
       this.#busy.set(worker, { worker, job, timer });
       // A copy: what is transferred is gone here, and the cache keeps its payload.
       const payload = job.payload.slice();
-      const message: DecodeJob = { segment: job.segment, payload };
+      const message: DecodeJob = { segment: job.segment, payload, attributes: job.attributes };
       worker.postMessage(message, [payload.buffer]);
     }
   }

@@ -1,7 +1,6 @@
 /** Decodes payloads, pictures included, one after the other. */
 
-import { prepareDecoders } from "../payload/engines.ts";
-import { decodeGlb } from "../payload/glb.ts";
+import { decodeSegment } from "../payload/segment-format.ts";
 import { imageDecoder } from "./image-decoder.ts";
 import { transferablesOfMesh } from "./transferables.ts";
 import { sentError } from "./worker-errors.ts";
@@ -10,10 +9,9 @@ import type { DecodeAnswer, DecodeJob } from "./worker-messages.ts";
 const decodeImage = imageDecoder();
 
 self.onmessage = async (event: MessageEvent<DecodeJob>) => {
-  const { payload, segment } = event.data;
+  const { payload, segment, attributes } = event.data;
   try {
-    await prepareDecoders();
-    const mesh = await decodeGlb(payload, segment, decodeImage);
+    const mesh = await decodeSegment(payload, segment, attributes, decodeImage);
     const answer: DecodeAnswer = { type: "decoded", mesh };
     self.postMessage(answer, { transfer: transferablesOfMesh(mesh) });
   } catch (error) {

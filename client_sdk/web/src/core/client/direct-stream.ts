@@ -1,6 +1,6 @@
 /** A stream in the calling thread, for Node and for tests: the same session and connection, without workers. */
 
-import { decodeGlb } from "../payload/glb.ts";
+import { decodeSegment } from "../payload/segment-format.ts";
 import { StreamError } from "../scene/errors.ts";
 import type { Stream, StreamEvent, StreamOptions } from "../types.ts";
 import { imageDecoder } from "./image-decoder.ts";
@@ -27,7 +27,7 @@ export function openDirectStream(options: StreamOptions, platform: DirectParts =
   };
   const core = new StreamCore(options, {
     WebSocket: Socket,
-    decode: (payload, segment) => decodeGlb(payload, segment, imageDecoder()),
+    decode: (payload, segment, attributes) => decodeSegment(payload, segment, attributes, imageDecoder()),
     emit,
   });
   const stream: Stream = {
@@ -35,7 +35,7 @@ export function openDirectStream(options: StreamOptions, platform: DirectParts =
     land: (position, radiusM, landOptions) => core.land(position, radiusM, landOptions),
     aim: (position, radiusM, coarseRadiusM) => core.aim(position, radiusM, coarseRadiusM),
     pick: (origin, direction) => core.pick(origin, direction),
-    mesh: (segment) => core.mesh(segment),
+    mesh: (segment, attributes) => core.mesh(segment, attributes),
     stats: async () => core.stats(),
     group: (command) => core.group(command),
     reconnect: (token) => core.reconnect(token),

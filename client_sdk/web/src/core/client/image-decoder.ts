@@ -1,6 +1,6 @@
 /** Pictures inside payloads, decoded where this runs. */
 
-import type { DecodeImage } from "../payload/glb.ts";
+import type { DecodeImage } from "../payload/image-file.ts";
 import { decodeBasis } from "./basis-decoder.ts";
 
 /** The platform's decoder, giving the picture's own values; undefined where there is none (Node). */

@@ -4,6 +4,7 @@ import { StreamError } from "../scene/errors.ts";
 import { streamUrl } from "../scene/urls.ts";
 import { checkAim, checkGroup, checkLand, checkPick } from "../session/checks.ts";
 import type {
+  AttributeScale,
   LandOptions,
   MeshData,
   PickHit,
@@ -48,7 +49,7 @@ export function openStream(options: StreamOptions): Stream {
     land: (position, radiusM, landOptions) => page.land(position, radiusM, landOptions),
     aim: (position, radiusM, coarseRadiusM) => page.aim(position, radiusM, coarseRadiusM),
     pick: (origin, direction) => page.pick(origin, direction),
-    mesh: (segment) => page.mesh(segment),
+    mesh: (segment, attributes) => page.mesh(segment, attributes),
     stats: () => page.stats(),
     group: (command) => {
       checkGroup(command);
@@ -121,8 +122,8 @@ class PageStream {
     return (await this.#ask({ type: "pick", origin, direction })) as PickHit | null;
   }
 
-  async mesh(segment: number): Promise<MeshData> {
-    return (await this.#ask({ type: "mesh", segment })) as MeshData;
+  async mesh(segment: number, attributes: readonly AttributeScale[]): Promise<MeshData> {
+    return (await this.#ask({ type: "mesh", segment, attributes })) as MeshData;
   }
 
   async stats(): Promise<StreamStats> {

@@ -5,13 +5,14 @@
  */
 
 import type { GroupCommand } from "../group-types.ts";
-import { prepareDecoders, xxh3 } from "../payload/engines.ts";
+import { prepareHash, xxh3 } from "../payload/hash.ts";
 import { StreamError } from "../scene/errors.ts";
 import { streamUrl } from "../scene/urls.ts";
 import { checkGroup } from "../session/checks.ts";
 import type { SessionEvent } from "../session/events.ts";
 import { ClientSession } from "../session/session.ts";
 import type {
+  AttributeScale,
   LandOptions,
   LinkState,
   MeshData,
@@ -38,7 +39,11 @@ const MAX_PICKS = 64;
 export interface StreamCorePlatform {
   readonly WebSocket: typeof WebSocket;
   /** Decode a payload; it must not change the bytes. */
-  readonly decode: (payload: Uint8Array<ArrayBuffer>, segment: number) => Promise<MeshData>;
+  readonly decode: (
+    payload: Uint8Array<ArrayBuffer>,
+    segment: number,
+    attributes: readonly AttributeScale[],
+  ) => Promise<MeshData>;
   /** Payloads of earlier visits, and where those of this one are kept. */
   readonly disk?: DiskShelf | undefined;
   /** Takes the events, in order. */
@@ -83,7 +88,7 @@ export class StreamCore {
 
   /** Connect, once hashes can be computed. Rejects where they cannot. */
   async start(): Promise<void> {
-    await prepareDecoders();
+    await prepareHash();
     // Before the first hello, which offers them; what does not fit this version the server tells to drop.
     for (const entry of (await this.#platform.disk?.restore(this.#cacheBytes)) ?? []) this.#session.holdings.put(entry);
     if (!this.#closed) this.#link.start();
@@ -125,13 +130,13 @@ export class StreamCore {
     return answer;
   }
 
-  async mesh(segment: number): Promise<MeshData> {
+  async mesh(segment: number, attributes: readonly AttributeScale[]): Promise<MeshData> {
     if (this.#closed) throw closedHere();
     // Peeked at: what is drawn is pinned anyway, and decoding must not change what is evicted first.
     const entry = this.#session.holdings.peek(segment);
     if (entry === undefined) throw new StreamError("not_held", `segment ${segment} is not held`);
     try {
-      return await this.#platform.decode(entry.payload, segment % this.#session.segmentCount);
+      return await this.#platform.decode(entry.payload, segment % this.#session.segmentCount, attributes);
     } catch (error) {
       throw asStreamError(error);
     }

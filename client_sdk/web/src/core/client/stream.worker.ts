@@ -1,12 +1,11 @@
 /** Holds one stream: socket, session, cache; decoding goes to workers of its own. */
 
-import { prepareDecoders, xxh3 } from "../payload/engines.ts";
-import { decodeGlb } from "../payload/glb.ts";
-import type { MeshData } from "../types.ts";
+import { xxh3 } from "../payload/hash.ts";
+import { decodeSegment } from "../payload/segment-format.ts";
 import { DecodePool } from "./decode-pool.ts";
 import { DiskShelf } from "./disk-shelf.ts";
 import { imageDecoder } from "./image-decoder.ts";
-import { StreamCore } from "./stream-core.ts";
+import { StreamCore, type StreamCorePlatform } from "./stream-core.ts";
 import { transferablesOfMesh } from "./transferables.ts";
 import { sentError } from "./worker-errors.ts";
 import type { StreamAnswer, StreamCommand, StreamMessage, StreamQuestion } from "./worker-messages.ts";
@@ -58,19 +57,16 @@ function takeToken({ question, token, error }: StreamCommand & { type: "token" }
 }
 
 /** Decodes in a pool of workers; in this one on platforms whose workers cannot make workers. */
-function decoder(count: number): (payload: Uint8Array<ArrayBuffer>, segment: number) => Promise<MeshData> {
+function decoder(count: number): StreamCorePlatform["decode"] {
   if (typeof Worker === "undefined") {
-    return async (payload, segment) => {
-      await prepareDecoders();
-      return decodeGlb(payload, segment, imageDecoder());
-    };
+    return (payload, segment, attributes) => decodeSegment(payload, segment, attributes, imageDecoder());
   }
   const pool = new DecodePool(
     count,
     () => new Worker(new URL("./decode.worker.ts", import.meta.url), { type: "module", name: "terraport decode" }),
   );
   closePool = () => pool.close();
-  return (payload, segment) => pool.decode(payload, segment);
+  return (payload, segment, attributes) => pool.decode({ payload, segment, attributes });
 }
 
 async function answer(stream: StreamCore, question: StreamQuestion): Promise<void> {
@@ -78,7 +74,7 @@ async function answer(stream: StreamCore, question: StreamQuestion): Promise<voi
   try {
     if (question.type === "mesh") {
       // Handed over, not copied: the cache keeps payloads, never meshes.
-      const mesh = await stream.mesh(question.segment);
+      const mesh = await stream.mesh(question.segment, question.attributes);
       post({ type: "answer", id, value: mesh }, transferablesOfMesh(mesh));
       return;
     }

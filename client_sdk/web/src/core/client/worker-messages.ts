@@ -2,6 +2,7 @@
 
 import type { GroupCommand } from "../group-types.ts";
 import type {
+  AttributeScale,
   LandOptions,
   MeshData,
   PickHit,
@@ -46,7 +47,12 @@ export type StreamCommand =
 /** Those that have an answer. */
 export type StreamQuestion =
   | { readonly type: "pick"; readonly id: number; readonly origin: Vec3; readonly direction: Vec3 | undefined }
-  | { readonly type: "mesh"; readonly id: number; readonly segment: number }
+  | {
+      readonly type: "mesh";
+      readonly id: number;
+      readonly segment: number;
+      readonly attributes: readonly AttributeScale[];
+    }
   | { readonly type: "stats"; readonly id: number };
 
 /** Stream worker to page. */
@@ -67,6 +73,7 @@ export type StreamAnswer = PickHit | MeshData | StreamStats | null;
 export interface DecodeJob {
   readonly segment: number;
   readonly payload: Uint8Array<ArrayBuffer>;
+  readonly attributes: readonly AttributeScale[];
 }
 
 /** Decode worker to stream worker: one for each job, in order. */

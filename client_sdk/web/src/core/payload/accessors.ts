@@ -1,11 +1,12 @@
 /** Accessors out of a GLB's BIN chunk: every count, offset and length is checked before anything is reserved for it. */
 
-import type { Compression } from "./engines.ts";
-import { decompress } from "./engines.ts";
 import { PayloadError } from "./errors.ts";
 import type { Glb } from "./glb-container.ts";
+import { MAX_IMAGE_BYTES } from "./image-file.ts";
 import type { JsonObject } from "./json-values.ts";
 import { expectList, expectObject, expectWhole, optionalObject, pick, shortly } from "./json-values.ts";
+import type { Compression } from "./meshopt.ts";
+import { decompress } from "./meshopt.ts";
 
 /** glTF's component types. */
 export const BYTE = 5120;
@@ -26,8 +27,6 @@ const WIDTHS = { SCALAR: 1, VEC2: 2, VEC3: 3 as const, VEC4: 4 };
 const VERTEX_EXPANSION = 64;
 const VERTEX_CODEC = 0xa0;
 const INDEX_CODEC = 0xe1;
-/** 2^26: what 4096 x 4096 pixels take uncompressed. */
-const MAX_IMAGE_BYTES = 2 ** 26;
 
 /** What an accessor must be. */
 export interface ExpectedAccessor {
@@ -159,8 +158,7 @@ export class AccessorReader {
     }
     try {
       return decompress(bytes, count, stride, { mode, filter });
-    } catch (error) {
-      if (error instanceof TypeError) throw error;
+    } catch {
       throw new PayloadError(`${label} does not decompress`, offset);
     }
   }

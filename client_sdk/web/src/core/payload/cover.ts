@@ -1,8 +1,8 @@
 /** base.cover: which segments lie over each base face (scene format, section 8). */
 
 import type { Cover } from "../types.ts";
-import { xxh3 } from "./engines.ts";
 import { PayloadError } from "./errors.ts";
+import { xxh3 } from "./hash.ts";
 
 const MAGIC = "TPCOVER1";
 const MAJOR = 1;
@@ -15,7 +15,7 @@ const MAX_ROW_SEGMENTS = 4096;
 const RECENT = 15;
 
 /**
- * Read `base.cover`; every truncation and flipped bit is noticed. Needs `prepareDecoders`.
+ * Read `base.cover`; every truncation and flipped bit is noticed. Needs `prepareHash`.
  *
  * @param baseFaces Faces of the base mesh; the cover has one row for each.
  * @param segmentCount Segments of the scene; ids are below it.

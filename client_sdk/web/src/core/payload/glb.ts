@@ -1,13 +1,13 @@
-/** GLB payloads and the base mesh to what the GPU is given (scene format, section 9). */
+/** The base mesh, a GLB, to what the GPU is given (scene format, section 9). */
 
-import type { AttributeCodes, Bounds, CompressedImage, MeshData, MeshImage } from "../types.ts";
+import type { AttributeCodes, MeshData } from "../types.ts";
 import { AccessorReader, BYTE, FLOAT, UNSIGNED_SHORT } from "./accessors.ts";
 import { PayloadError } from "./errors.ts";
 import { splitGlb } from "./glb-container.ts";
 import type { TextureReference } from "./glb-texture.ts";
 import { findTexture, IMAGE_EXTENSIONS, UV_TRANSFORM } from "./glb-texture.ts";
-import type { ImageHeader } from "./image-header.ts";
-import { readImageHeader } from "./image-header.ts";
+import type { DecodeImage, ImageFile } from "./image-file.ts";
+import { checkedImage, openImage } from "./image-file.ts";
 import type { JsonObject } from "./json-values.ts";
 import {
   expectList,
@@ -18,10 +18,8 @@ import {
   optionalObject,
   shortly,
 } from "./json-values.ts";
-import { boundsOf, checkIndices, checkNormals, largest } from "./mesh-checks.ts";
-
-/** Decodes an image file; in a browser by `createImageBitmap`, KTX2 by a transcoder. */
-export type DecodeImage = (bytes: Uint8Array<ArrayBuffer>, mediaType: string) => Promise<ImageBitmap | CompressedImage>;
+import { boundsOf, checkIndices, checkNormals, largest, transformedBounds } from "./mesh-checks.ts";
+import { prepareMeshopt } from "./meshopt.ts";
 
 const KNOWN: ReadonlySet<unknown> = new Set([
   "KHR_mesh_quantization",
@@ -34,39 +32,27 @@ const NULL_CODE = 65535;
 /** Largest attribute code that is a value. */
 const LAST_CODE = 65534;
 const FLOAT32_MAX = 3.4028234663852886e38;
-/** Pixels of an image's longer side, in a segment and in the base. */
-const MAX_SEGMENT_SIDE = 2048;
-const MAX_BASE_SIDE = 4096;
-
+/** Pixels of the image's longer side. */
+const MAX_SIDE = 4096;
 /**
- * Decode one GLB payload; arrays stay quantised. Needs `prepareDecoders`. `bytes` are only read.
+ * Decode a base mesh; arrays stay quantised. `bytes` are only read.
  *
  * The mesh has no image without `decodeImage`.
  *
- * @param segment Segment id; -1 for the base mesh.
  * @throws PayloadError For anything that is not a whole GLB of the profile.
  */
-export async function decodeGlb(
-  bytes: Uint8Array<ArrayBuffer>,
-  segment: number,
-  decodeImage?: DecodeImage,
-): Promise<MeshData> {
-  const { mesh, image } = readGlb(bytes, segment);
+export async function decodeGlb(bytes: Uint8Array<ArrayBuffer>, decodeImage?: DecodeImage): Promise<MeshData> {
+  await prepareMeshopt();
+  const { mesh, image } = readGlb(bytes);
   if (image === null || decodeImage === undefined) return mesh;
   return { ...mesh, image: await openImage(image, decodeImage) };
-}
-
-/** An image file inside a payload, its header checked. */
-interface ImageFile {
-  readonly header: ImageHeader;
-  readonly bytes: Uint8Array<ArrayBuffer>;
 }
 
 /**
  * Read and check everything but the pixels. Nothing of the file is trusted: each accessor is checked against the buffer and the
  * vertex count before an array is made of it, so that what is returned can be drawn without another look.
  */
-function readGlb(bytes: Uint8Array<ArrayBuffer>, segment: number): { mesh: MeshData; image: ImageFile | null } {
+function readGlb(bytes: Uint8Array<ArrayBuffer>): { mesh: MeshData; image: ImageFile | null } {
   const glb = splitGlb(bytes);
   const { gltf } = glb;
   // (1) One mesh with one primitive of triangles, and no extension that would change its meaning.
@@ -116,10 +102,10 @@ function readGlb(bytes: Uint8Array<ArrayBuffer>, segment: number): { mesh: MeshD
   const attributes = attributeTable(mesh).map(
     ({ gltfName, ...scale }): AttributeCodes => ({ ...scale, codes: codes(gltfName, "SCALAR").values }),
   );
-  const image = texture === null ? null : readImage(reader, texture, segment);
+  const image = texture === null ? null : checkedImage(reader.image(texture.view), texture.mediaType, MAX_SIDE);
   // (4) The box is of the decoded positions, not the accessor's min and max: culling must not believe the file.
   const result: MeshData = {
-    segment,
+    segment: -1,
     vertexCount,
     faceCount: indices.length / 3,
     ...transform,
@@ -156,23 +142,6 @@ function nodeTransformOf(node: JsonObject): Place {
     throw new PayloadError(`node scale ${scale.join(", ")}, expected one positive number three times`);
   }
   return { translation, stepM };
-}
-
-/** The box in metres; codes are placed as the GPU places them. */
-function transformedBounds(codes: Bounds, { translation, stepM }: Place): Bounds {
-  const side = (axis: 0 | 1 | 2, code: number): number => {
-    const value = Math.fround(translation[axis] + stepM * code);
-    if (Number.isFinite(value)) return value;
-    throw new PayloadError("a position beyond float32, expected finite numbers");
-  };
-  return [
-    side(0, codes[0]),
-    side(1, codes[1]),
-    side(2, codes[2]),
-    side(0, codes[3]),
-    side(1, codes[4]),
-    side(2, codes[5]),
-  ];
 }
 
 function expectRows(label: string, count: number, vertexCount: number): void {
@@ -214,34 +183,4 @@ function uvScaleOf(
     throw new PayloadError("texture coordinates beyond the image, expected 0 to 1");
   }
   return scale;
-}
-
-function readImage(reader: AccessorReader, texture: TextureReference, segment: number): ImageFile {
-  const bytes = reader.image(texture.view);
-  const header = readImageHeader(bytes);
-  const { mediaType, width, height } = header;
-  if (mediaType !== texture.mediaType) {
-    throw new PayloadError(`image is ${mediaType}, expected ${texture.mediaType} by mimeType`);
-  }
-  const maxSide = segment < 0 ? MAX_BASE_SIDE : MAX_SEGMENT_SIDE;
-  for (const side of [width, height]) {
-    if (side < 1 || side > maxSide || (side & (side - 1)) !== 0) {
-      throw new PayloadError(`image of ${width} x ${height} pixels, expected powers of two, at most ${maxSide}`);
-    }
-  }
-  return { header, bytes };
-}
-
-async function openImage({ header, bytes }: ImageFile, decodeImage: DecodeImage): Promise<MeshImage> {
-  let pixels: ImageBitmap | CompressedImage;
-  try {
-    pixels = await decodeImage(bytes, header.mediaType);
-  } catch {
-    throw new PayloadError(`image does not decode, expected a whole ${header.mediaType}`);
-  }
-  if (pixels.width !== header.width || pixels.height !== header.height) {
-    if ("close" in pixels) pixels.close();
-    throw new PayloadError(`image of ${pixels.width} x ${pixels.height} pixels, its header says otherwise`);
-  }
-  return { ...header, pixels };
 }

@@ -1,6 +1,6 @@
 /** What a GPU would not notice: numbers of vertices that are not there, normals without length, positions at infinity. */
 
-import type { Bounds } from "../types.ts";
+import type { Bounds, MeshData } from "../types.ts";
 import { PayloadError } from "./errors.ts";
 
 /** Check that every face uses vertices that are there. */
@@ -53,4 +53,24 @@ export function largest(values: Uint16Array, first: number, width: number): numb
     if (value > maximum) maximum = value;
   }
   return maximum;
+}
+
+/** The box in metres of a box of codes, which are placed as the GPU places them. */
+export function transformedBounds(
+  codes: Bounds,
+  { translation, stepM }: Pick<MeshData, "translation" | "stepM">,
+): Bounds {
+  const side = (axis: 0 | 1 | 2, code: number): number => {
+    const value = Math.fround(translation[axis] + stepM * code);
+    if (Number.isFinite(value)) return value;
+    throw new PayloadError("a position beyond float32, expected finite numbers");
+  };
+  return [
+    side(0, codes[0]),
+    side(1, codes[1]),
+    side(2, codes[2]),
+    side(0, codes[3]),
+    side(1, codes[4]),
+    side(2, codes[5]),
+  ];
 }

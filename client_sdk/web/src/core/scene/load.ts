@@ -1,10 +1,10 @@
 /** What is loaded once for a version of a scene: manifest, base mesh, cover, names of the regions. A shell: it fetches. */
 
 import { decodeCover } from "../payload/cover.ts";
-import { prepareDecoders, xxh3 } from "../payload/engines.ts";
 import { PayloadError } from "../payload/errors.ts";
-import type { DecodeImage } from "../payload/glb.ts";
 import { decodeGlb } from "../payload/glb.ts";
+import { prepareHash, xxh3 } from "../payload/hash.ts";
+import type { DecodeImage } from "../payload/image-file.ts";
 import type { MeshData, SceneFiles } from "../types.ts";
 import { StreamError } from "./errors.ts";
 import type { HttpOptions } from "./http.ts";
@@ -43,7 +43,7 @@ export interface LoadOptions extends HttpOptions {
  */
 export async function loadScene(sceneUrl: string, options: LoadOptions = {}): Promise<SceneFiles> {
   const url = await resolveScene(sceneUrl, options);
-  await prepareDecoders();
+  await prepareHash();
   const checked = await fetchManifest(url, options);
   try {
     return await loadVersion(url, checked, options);
@@ -132,7 +132,7 @@ async function loadVersion(url: string, checked: CheckedManifest, options: LoadO
       regions,
     ]);
     // Right bytes may still hold a wrong file: base, cover and segment ids must belong together.
-    const base = await decodeGlb(glb, -1, options.decodeImage);
+    const base = await decodeGlb(glb, options.decodeImage);
     if (base.faceCount !== checked.baseFaces) {
       throw new PayloadError(`base of ${base.faceCount} faces, expected ${checked.baseFaces} by the manifest`);
     }
@@ -152,7 +152,7 @@ async function decodedOverview(
   decodeImage: DecodeImage | undefined,
 ): Promise<MeshData | null> {
   try {
-    return await decodeGlb(await bytes, -1, decodeImage);
+    return await decodeGlb(await bytes, decodeImage);
   } catch (error) {
     if (error instanceof StreamError || error instanceof PayloadError) return null;
     throw error;

@@ -36,6 +36,11 @@ const MAX_FILE_BYTES: Readonly<Record<LoadedFile | typeof OVERVIEW, number>> = {
   "regions.json": 2 ** 28,
 };
 const MAJOR = "1";
+/** Of the payloads that this client reads. */
+const ENCODING = "segment-2";
+const FLOAT32_MAX = 3.4028234663852886e38;
+/** Largest attribute code that is a value. */
+const LAST_CODE = 65534;
 const DIGEST = /^[0-9a-f]{32}$/;
 const HASH = /^[0-9a-f]{16}$/;
 /** Image types that a browser opens by itself. */
@@ -74,7 +79,7 @@ function readManifest(json: JsonObject, id: string): CheckedManifest {
   const counts = expectObject(json.counts, "counts");
   const files = expectObject(json.files, "files");
   const encodings = expectObject(json.encodings, "encodings");
-  expectObject(encodings.glb, "encodings.glb");
+  expectObject(encodings[ENCODING], `encodings.${ENCODING}`);
   const manifest: SceneManifest = {
     id,
     name: expectText(json.name, "name"),
@@ -141,7 +146,12 @@ function readAttribute(value: unknown): AttributeInfo {
   const name = expectText(attribute.name, "name of an attribute");
   const extreme = (key: "min" | "max") =>
     attribute[key] === null ? null : expectNumber(attribute[key], `${key} of attribute ${shortly(name)}`);
-  return { name, min: extreme("min"), max: extreme("max") };
+  const offset = expectNumber(attribute.offset, `offset of attribute ${shortly(name)}`);
+  const step = expectNumber(attribute.step, `step of attribute ${shortly(name)}`);
+  if (!(step > 0) || Math.abs(offset) > FLOAT32_MAX || Math.abs(offset + step * LAST_CODE) > FLOAT32_MAX) {
+    throw new PayloadError(`scale of attribute ${shortly(name)}: expected a step above 0 and values within float32`);
+  }
+  return { name, offset, step, min: extreme("min"), max: extreme("max") };
 }
 
 function readFile(files: JsonObject, key: keyof typeof MAX_FILE_BYTES): FileFacts {

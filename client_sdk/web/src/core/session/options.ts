@@ -29,7 +29,7 @@ export function helloMessage(options: SessionOptions, heldRows: readonly HeldRow
     type: "hello",
     protocol: PROTOCOL,
     client: options.client,
-    encoding: "glb",
+    encoding: "segment-2",
     budgets: {
       max_triangles: budgets.maxTriangles,
       max_bytes: budgets.maxBytes,
