@@ -40,7 +40,7 @@ def test_validate_passes_and_fails_by_exit_code(app, scene_path, tmp_path) -> No
     copy = shutil.copytree(scene_path, tmp_path / "copy")
     pack = next(copy.glob("v-*/segments.pack"))
     data = bytearray(pack.read_bytes())
-    data[3_000] ^= 1
+    data[1_000] ^= 1
     pack.write_bytes(data)
     bad = run(app, "validate", copy, *options)
     assert bad.exit_code == 1
