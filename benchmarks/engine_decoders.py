@@ -6,10 +6,10 @@
 Each scene's payloads, evenly spread over it, one thread, into buffers that are used again. Prints
 one row per decoder. Without SCENE the payloads are made from a formula. Allocations: of C++ by
 every call of `operator new`, of C# by `GC.GetAllocatedBytesForCurrentThread`; the first two rounds,
-in which buffers grow, do not count. Python's figures are of `decode_glb`, which makes new arrays
-each time. With `--before`, the payload package of a Git revision decodes too, in turn with today's
-so that other work on the machine slows down both, and every array that either makes is compared,
-byte for byte.
+in which buffers grow, do not count. Python's figures are of `decode_segment`, which makes new
+arrays each time. With `--before`, the payload package of a Git revision decodes too, in turn with
+today's so that other work on the machine slows down both, and every array that either makes is
+compared, byte for byte.
 
 Needs what tests/engines needs (mono-mcs, g++, cmake); says so where they are missing.
 """
@@ -27,7 +27,7 @@ import sys
 import tarfile
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -39,7 +39,8 @@ from engines import cores
 from engines.programs import Client
 from server.grid_scene import SCALES, tile_mesh
 
-from terraport_payload import decode_glb, encode_glb
+from terraport_payload import AttributeScale, decode_segment, encode_segment
+from terraport_pipeline.geometry.segments.strip_order import strip_order
 from terraport_store import Scene
 
 SEED: Final = 20261122
@@ -47,6 +48,22 @@ LANGUAGES: Final = ("csharp", "cpp")
 ROOT: Final = Path(__file__).resolve().parents[1]
 TURN_S: Final = 0.05
 """How long one decoder goes on before the other's turn."""
+
+Decoder = Callable[..., Any]
+"""A ``decode_segment``."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Source:
+    """Payloads of one scene."""
+
+    payloads: Sequence[bytes]
+    scales: Mapping[str, AttributeScale]
+
+    def faces(self) -> int:
+        """Count the faces of all."""
+        meshes = (decode_segment(payload, scales=None) for payload in self.payloads)
+        return sum(len(mesh.faces) for mesh in meshes)
 
 
 def main() -> int:
@@ -68,13 +85,13 @@ def main() -> int:
         core = cores.csharp() if language == "csharp" else cpp_core(smoke=options.smoke)
         clients.append(Client(language, core))
     seconds = 0.2 if options.smoke else options.seconds
-    sources = [(path.name, scene_payloads(path, options.segments)) for path in options.scenes]
-    decoders = {"python": decode_glb}
+    sources = [(path.name, scene_source(path, options.segments)) for path in options.scenes]
+    decoders: dict[str, Decoder] = {"python": decode_segment}
     with tempfile.TemporaryDirectory() as folder:
         if options.before is not None:
             decoders["python before"] = decoder_of(options.before, Path(folder))
-        for name, glbs in sources or [("formula", formula_payloads(6 if options.smoke else 40))]:
-            measure(name, glbs, clients, decoders, seconds)
+        for name, source in sources or [("formula", formula_source(6 if options.smoke else 40))]:
+            measure(name, source, clients, decoders, seconds)
     return 0
 
 
@@ -84,7 +101,7 @@ def cpp_core(*, smoke: bool) -> cores.CppCore:
     return cores.cpp(*options, name="cpp" if smoke else "cpp-release")
 
 
-def decoder_of(revision: str, folder: Path) -> Callable[[bytes], Any]:
+def decoder_of(revision: str, folder: Path) -> Decoder:
     """Load the payload package of a Git revision beside today's, under another name."""
     command = ["git", "archive", revision, "payload/terraport_payload"]
     archive = subprocess.run(command, cwd=ROOT, check=True, capture_output=True).stdout
@@ -97,18 +114,19 @@ def decoder_of(revision: str, folder: Path) -> Callable[[bytes], Any]:
                 source = file.read().decode().replace("terraport_payload", package.name)
                 (package / Path(member.name).name).write_text(source)
     sys.path.insert(0, str(folder))
-    before: Callable[[bytes], Any] = importlib.import_module(package.name).decode_glb
+    before: Decoder = importlib.import_module(f"{package.name}.segment_format").decode_segment
     return before
 
 
-def scene_payloads(path: Path, count: int) -> list[bytes]:
+def scene_source(path: Path, count: int) -> Source:
     """Return payloads of segments spread evenly over a scene."""
     with Scene.open(path) as scene:
         chosen = np.unique(np.linspace(0, len(scene.index) - 1, count).astype(int))
-        return [bytes(scene.payload(int(segment))) for segment in chosen]
+        payloads = [bytes(scene.payload(int(segment))) for segment in chosen]
+        return Source(payloads, scene.manifest.scales)
 
 
-def formula_payloads(count: int) -> list[bytes]:
+def formula_source(count: int) -> Source:
     """Return wavy squares of 5,000 triangles with noise of a centimetre."""
     draw = np.random.default_rng(SEED)
     payloads = []
@@ -116,35 +134,43 @@ def formula_payloads(count: int) -> list[bytes]:
         mesh = tile_mesh(number // 6, number % 6, 50, seed=number)
         noise = draw.normal(scale=0.01, size=mesh.positions.shape).astype(np.float32)
         mesh.positions[:] = np.round((mesh.positions + noise) * 512) / 512
-        payloads.append(encode_glb(mesh, step_m=2.0**-9, attribute_scales=SCALES))
-    return payloads
+        faces = mesh.faces[strip_order(mesh.faces)]
+        ordered = dataclasses.replace(mesh, faces=faces)
+        payloads.append(encode_segment(ordered, step_m=2.0**-9, scales=SCALES))
+    return Source(payloads, SCALES)
 
 
 def measure(
     name: str,
-    glbs: Sequence[bytes],
+    source: Source,
     clients: Sequence[Client],
-    decoders: dict[str, Callable[[bytes], Any]],
+    decoders: dict[str, Decoder],
     seconds: float,
 ) -> None:
     """Print the rows of one source."""
-    faces = sum(len(decode_glb(glb).faces) for glb in glbs) / len(glbs)
-    print(f"\n{name}: {len(glbs)} payloads, {faces:,.0f} triangles each on average")
+    payloads = source.payloads
+    faces = source.faces() / len(payloads)
+    print(f"\n{name}: {len(payloads)} payloads, {faces:,.0f} triangles each on average")
     print(
         f"{'':22}{'KB':>8}{'segments/s':>12}{'MB/s':>9}{'Mtri/s':>8}{'bytes allocated/segment':>25}"
     )
-    size_kb = sum(map(len, glbs)) / len(glbs) / 1000
+    size_kb = sum(map(len, payloads)) / len(payloads) / 1000
     for client in clients:
-        row(client.language, size_kb, by_tool(client, glbs, seconds))
-    for label, figures in by_python(decoders, glbs, seconds).items():
+        row(client.language, size_kb, by_tool(client, source, seconds))
+    for label, figures in by_python(decoders, source, seconds).items():
         row(label, size_kb, figures)
 
 
-def by_tool(client: Client, payloads: Sequence[bytes], seconds: float) -> dict[str, Any]:
+def by_tool(client: Client, source: Source, seconds: float) -> dict[str, Any]:
     """Let a core's own program decode; returns what it printed."""
+    attributes = [
+        {"name": name, "offset": scale.offset, "step": scale.step}
+        for name, scale in source.scales.items()
+    ]
+    records = [json.dumps(attributes).encode(), *source.payloads]
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "payloads.glb"
-        path.write_bytes(b"".join(struct.pack("<I", len(data)) + data for data in payloads))
+        path = Path(folder) / "payloads"
+        path.write_bytes(b"".join(struct.pack("<I", len(data)) + data for data in records))
         done = client.run("decode", path, "--seconds", seconds, timeout_s=60 + 4 * seconds)
     if done.returncode != 0:
         raise subprocess.SubprocessError(done.stdout[-2000:])
@@ -153,23 +179,27 @@ def by_tool(client: Client, payloads: Sequence[bytes], seconds: float) -> dict[s
 
 
 def by_python(
-    decoders: dict[str, Callable[[bytes], Any]], payloads: Sequence[bytes], seconds: float
+    decoders: dict[str, Decoder], source: Source, seconds: float
 ) -> dict[str, dict[str, Any]]:
     """Decode with Python's functions, a few payloads by each in turn; counts CPU time alone.
 
     Wall time would count what else the machine does, and not in equal shares.
     """
-    contents = [[content(decode(payload)) for payload in payloads] for decode in decoders.values()]
+    payloads, scales = source.payloads, source.scales
+    contents = [
+        [content(decode(payload, scales=scales)) for payload in payloads]
+        for decode in decoders.values()
+    ]
     if any(other != contents[0] for other in contents[1:]):
         raise SystemExit("decoders differ in what they return")
-    faces = sum(len(decode_glb(payload).faces) for payload in payloads)
+    faces = source.faces()
     spent_s = dict.fromkeys(decoders, 0.0)
     decoded = dict.fromkeys(decoders, 0)
     while min(spent_s.values()) < seconds:
         for label, decode in decoders.items():
             start = time.process_time()
             while time.process_time() - start < TURN_S or decoded[label] % len(payloads):
-                decode(payloads[decoded[label] % len(payloads)])
+                decode(payloads[decoded[label] % len(payloads)], scales=scales)
                 decoded[label] += 1
             spent_s[label] += time.process_time() - start
     return {
