@@ -58,7 +58,7 @@ def drawn_by_client(client: Client, url: str) -> list[Drawn]:
         step = "land:" + ",".join(map(str, LANDING))
         landed = client.land(url, step, dump=folder)
         assert landed.exit_code == 0, landed.output
-        payloads = [Path(folder) / f"{segment}.glb" for segment in landed.segments]
+        payloads = [Path(folder) / f"{segment}.tsg" for segment in landed.segments]
         assert len(payloads) == len(NAMES)
         done = client.run("axes", *payloads)
     return [_mesh(record) for record in json.loads(done.stdout.strip().splitlines()[-1])]

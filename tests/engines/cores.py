@@ -93,6 +93,7 @@ def missing_for(language: str) -> str | None:
         files = {
             "/usr/include/doctest/doctest.h": "doctest-dev",
             "/usr/include/libwebsockets.h": "libwebsockets-dev",
+            "/usr/include/zlib.h": "zlib1g-dev",
         }
     packages = [package for name, package in needed.items() if shutil.which(name) is None]
     packages += [package for path, package in files.items() if not Path(path).is_file()]

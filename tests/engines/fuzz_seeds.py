@@ -6,6 +6,7 @@ is read before it, and ``meshopt`` takes compressed streams without the GLB arou
 
 from __future__ import annotations
 
+import gzip
 import json
 import re
 import struct
@@ -30,6 +31,14 @@ def seeds_of(target: str) -> Iterator[bytes]:
                 if _is_good(path):
                     text, binary = _chunks(path.read_bytes())
                     yield struct.pack("<H", len(text)) + text + binary
+        case "segment":
+            for path in sorted(CORPUS.glob("scene/payload/*.tsg")):
+                data = path.read_bytes()
+                yield data
+                if _is_good(path):
+                    (packed,) = struct.unpack_from("<I", data, 4)
+                    planes, image = gzip.decompress(data[12 : 12 + packed]), data[12 + packed :]
+                    yield struct.pack("<H", len(image)) + planes + image
         case "meshopt":
             for path in filter(_is_good, _glbs()):
                 yield from _streams(path.read_bytes())

@@ -29,7 +29,7 @@ def shown(landed: Landed) -> dict[str, Any]:
 
 def files(folder: Path) -> list[Path]:
     """Return the kept payloads."""
-    return sorted(folder.glob("*/*.glb"))
+    return sorted(folder.glob("*/*.segment-2"))
 
 
 def test_a_second_run_reads_from_disk(client: Client, server: Service, tmp_path: Path) -> None:

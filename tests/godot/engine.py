@@ -45,6 +45,7 @@ def missing() -> str | None:
     """Say what this machine lacks to build and run the client; None where nothing."""
     needed = {"g++": "g++", "cmake": "cmake", PROGRAM: "godot3", "xvfb-run": "xvfb xauth"}
     packages = [package for name, package in needed.items() if shutil.which(name) is None]
+    packages += [] if Path("/usr/include/zlib.h").is_file() else ["zlib1g-dev"]
     return f"apt-get install {' '.join(packages)}" if packages else None
 
 

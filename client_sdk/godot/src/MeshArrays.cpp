@@ -33,12 +33,10 @@ Columns columnsOf(const SegmentMesh& mesh, const std::string& attribute) {
   mesh.writePositions(&columns.positions.data()->x);
   columns.normals.resize(count);
   mesh.writeNormals(&columns.normals.data()->x);
-  if (mesh.colourForm != ColourForm::None) {
-    std::vector<std::uint8_t> bytes(4 * count);
-    mesh.writeColours(bytes.data());
+  if (mesh.hasColours) {
     columns.colours.resize(count);
     for (std::size_t at = 0; at < count; ++at) {
-      const std::uint8_t* rgba = &bytes[4 * at];
+      const std::uint8_t* rgba = &mesh.colours[4 * at];
       columns.colours[at] = {float(rgba[0]) / 255.0F, float(rgba[1]) / 255.0F, float(rgba[2]) / 255.0F, 1.0F};
     }
   }

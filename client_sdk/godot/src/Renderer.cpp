@@ -156,7 +156,7 @@ void Renderer::beginBase(const SceneFiles& files) {
   blocks_.resize(base_->blocks.size());
   if (!base_->image.isNil()) baseTexture_ = makeTexture(base_->image);
   baseMaterial_ = makeMaterial(baseTexture_);
-  (void)kMaterialParameter(server(), baseMaterial_, "has_tint", files.base.colourForm != ColourForm::None);
+  (void)kMaterialParameter(server(), baseMaterial_, "has_tint", files.base.hasColours);
   (void)kMaterialParameter(server(), baseMaterial_, "map_of_points", base_->isOfPoints);
   (void)kMaterialParameter(server(), baseMaterial_, "push_m", deviationM_);
   (void)kMaterialParameter(server(), baseMaterial_, "segment", -1.0);

@@ -1,5 +1,5 @@
-// GLB payloads. An input that starts with "glTF" is a GLB whose total length is set right; any other is two bytes of length, a
-// JSON chunk of so many bytes, and a BIN chunk, so that mutations of either leave the container whole.
+// GLBs, as base meshes are. An input that starts with "glTF" is a GLB whose total length is set right; any other is two bytes
+// of length, a JSON chunk of so many bytes, and a BIN chunk, so that mutations of either leave the container whole.
 #include <algorithm>
 #include <cstring>
 
@@ -48,7 +48,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const bool isWhole = size >= 4 && std::memcmp(data, "glTF", 4) == 0;
   std::vector<std::uint8_t> payload = isWhole ? withLength(data, size) : assembled(data, size);
   payload.shrink_to_fit();
-  const terraport::Status status = decoder.decode(terraport::viewOf(payload), size % 2 == 0 ? 1 : -1, mesh);
+  const terraport::Status status = decoder.decode(terraport::viewOf(payload), mesh);
   terraport_fuzz::walk(status, mesh, terraport::viewOf(payload));
   return 0;
 }

@@ -36,10 +36,7 @@ inline void walk(const terraport::Status& status, const terraport::SegmentMesh& 
     require(std::isfinite(triples[std::size_t{index} * 3]));
   }
   mesh.writeNormals(triples.data());
-  std::vector<std::uint8_t> colours(std::size_t{mesh.vertexCount} * 4);
-  if (mesh.colourForm != terraport::ColourForm::None) {
-    mesh.writeColours(colours.data());
-  }
+  require(mesh.colours.size() == (mesh.hasColours ? std::size_t{mesh.vertexCount} * 4 : 0));
   if (mesh.hasRegionIds) {
     require(mesh.regionIds.size() == mesh.vertexCount);
   }

@@ -1,7 +1,7 @@
 // terraport-decode FILE [--seconds S]
 //
-// How fast payloads are decoded, and how often memory is asked for. The file holds payloads, each after its length (uint32,
-// little-endian).
+// How fast payloads are decoded, and how often memory is asked for. The file holds the scene's attributes, as
+// JSON, and payloads, each after its length (uint32, little-endian).
 
 #include <chrono>
 #include <cstdint>
@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "Terraport/DecodeQueue.h"
+#include "Terraport/Json.h"
 #include "Terraport/SegmentMesh.h"
 #include "files.h"
 #include "json_text.h"
@@ -67,13 +68,22 @@ constexpr int kWarmUpRounds = 2;
 std::vector<terraport::DecodeJob> readJobs(const std::string& path) {
   using namespace terraport;
   const std::vector<std::uint8_t> bytes = tools::readFile(path);
+  SharedSceneFiles files;
   std::vector<DecodeJob> jobs;
   for (std::size_t at = 0; at + 4 <= bytes.size();) {
     const std::size_t size = bytes[at] | bytes[at + 1] << 8 | bytes[at + 2] << 16 | std::size_t{bytes[at + 3]} << 24;
     at += 4;
+    if (!files) {
+      JsonDocument attributes;
+      const Status status = attributes.read({reinterpret_cast<const char*>(&bytes[at]), size});
+      files = tools::filesWith(status.isOk() ? attributes.root() : JsonValue());
+      at += size;
+      continue;
+    }
     DecodeJob job;
     job.payload = std::make_shared<const std::vector<std::uint8_t>>(
         bytes.begin() + static_cast<std::ptrdiff_t>(at), bytes.begin() + static_cast<std::ptrdiff_t>(at + size));
+    job.files = files;
     jobs.push_back(std::move(job));
     at += size;
   }

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <memory>
 #include <system_error>
 
 namespace terraport::tools {
@@ -47,6 +48,17 @@ std::vector<std::string> filesOf(const std::string& folder, const std::string& s
 
 bool endsWith(const std::string& text, const std::string& tail) {
   return text.size() >= tail.size() && text.compare(text.size() - tail.size(), tail.size(), tail) == 0;
+}
+
+SharedSceneFiles filesWith(const JsonValue& attributes) {
+  auto files = std::make_shared<SceneFiles>();
+  for (const JsonValue scale : attributes.items()) {
+    AttributeInfo& attribute = files->manifest.attributes.emplace_back();
+    attribute.name = scale.member("name").text().value_or("");
+    attribute.offset = scale.member("offset").number().value_or(0.0);
+    attribute.step = scale.member("step").number().value_or(0.0);
+  }
+  return files;
 }
 
 }  // namespace terraport::tools

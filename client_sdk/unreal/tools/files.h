@@ -4,6 +4,9 @@
 #include <string>
 #include <vector>
 
+#include "Terraport/Json.h"
+#include "Terraport/SceneFiles.h"
+
 namespace terraport::tools {
 
 /// Everything of a file; ends the program where it cannot be read.
@@ -16,5 +19,8 @@ void writeFile(const std::string& path, const void* data, std::size_t size);
 std::vector<std::string> filesOf(const std::string& folder, const std::string& suffix, bool unless = false);
 
 bool endsWith(const std::string& text, const std::string& tail);
+
+/// Files of a scene that has attributes and nothing else: a list of objects with `name`, `offset` and `step`.
+SharedSceneFiles filesWith(const JsonValue& attributes);
 
 }  // namespace terraport::tools

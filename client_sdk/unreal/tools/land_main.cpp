@@ -29,18 +29,20 @@ namespace {
 
 class Visit {
  public:
-  explicit Visit(const LandRequest& request) : request_(request), events_(), landings_(), picks_() {}
+  explicit Visit(const LandRequest& request)
+      : request_(request), token_(request.stream.token), events_(), landings_(), picks_() {}
 
   int run() {
     if (!open()) {
       return 2;
     }
     if (request_.isStaged) {
-      staged_ = StagedVisit::make(*stream_, request_.stream.sceneUrl, request_.stream.token, failure_);
-      if (!staged_) {
+      files_ = loadFiles(request_.stream.sceneUrl, request_.stream.token, failure_);
+      if (!files_) {
         std::fprintf(stderr, "error: %s\n", failure_.c_str());
         return 2;
       }
+      staged_ = std::make_unique<StagedVisit>(*stream_, files_);
     }
     for (const Step& step : request_.steps) {
       take(step);
@@ -140,6 +142,9 @@ class Visit {
     } else if (step.kind == "reconnect") {
       closedCode_.clear();
       stream_->reconnect(step.argument);
+      if (!step.argument.empty()) {
+        token_ = step.argument;
+      }
     }
   }
 
@@ -243,12 +248,22 @@ class Visit {
   }
 
   void describeHeld(JsonText& json) {
+    // A visit that is not staged needs the scales of attributes, and no other file.
+    std::string failure;
+    if (!files_ && !held_.empty()) {
+      files_ = loadManifest(
+          request_.stream.sceneUrl, request_.stream.tokenProvider ? request_.stream.tokenProvider() : token_, failure);
+    }
+    if (failure_.empty()) {
+      failure_ = failure;
+    }
     SegmentMesh mesh;
     json.open('{');
     for (const auto& [segment, facts] : held_) {
       DecodeJob job;
       job.segment = segment;
       job.payload = stream_->payload(segment);
+      job.files = files_;
       if (!job.payload) {
         continue;
       }
@@ -261,8 +276,7 @@ class Visit {
       }
       MeshArrays(mesh, viewOf(*job.payload)).describe(json, request_.dumpFolder, segment);
       if (!request_.dumpFolder.empty()) {
-        writeFile(request_.dumpFolder + "/" + std::to_string(segment) + "." + kPayloadEncoding, job.payload->data(),
-            job.payload->size());
+        writeFile(request_.dumpFolder + "/" + std::to_string(segment) + ".tsg", job.payload->data(), job.payload->size());
       }
     }
     json.close('}');
@@ -288,6 +302,9 @@ class Visit {
   const Clock::time_point began_ = Clock::now();
   std::unique_ptr<ISceneStream> stream_;
   SceneStream* pumped_ = nullptr;
+  SharedSceneFiles files_;
+  /// The newest of options and steps.
+  std::string token_;
   std::unique_ptr<StagedVisit> staged_;
   JsonText events_;
   JsonText landings_;

@@ -30,14 +30,10 @@ MeshArrays::MeshArrays(const SegmentMesh& mesh, ByteSpan payload) : vertexCount(
   indices.assign(mesh.indices.data(), mesh.indices.data() + 3 * std::size_t{mesh.faceCount});
   normals.resize(3 * count);
   mesh.writeNormals(normals.data());
-  hasColours = mesh.colourForm != ColourForm::None;
-  if (hasColours) {
-    std::vector<std::uint8_t> rgba(4 * count);
-    mesh.writeColours(rgba.data());
-    for (std::size_t at = 0; at < rgba.size(); ++at) {
-      if (at % 4 != 3) {
-        colours.push_back(rgba[at]);
-      }
+  hasColours = mesh.hasColours;
+  for (std::size_t at = 0; at < mesh.colours.size(); ++at) {
+    if (at % 4 != 3) {
+      colours.push_back(mesh.colours[at]);
     }
   }
   hasRegionIds = mesh.hasRegionIds;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "Terraport/DecodeQueue.h"
+#include "Terraport/GlbDecoder.h"
 #include "Terraport/Json.h"
 #include "Terraport/SegmentMesh.h"
 #include "corpora.h"
@@ -105,7 +106,9 @@ std::string whyNot(const std::string& folder, const std::string& name, SegmentMe
   const bool isGood = expected.member("good").boolean().value_or(false);
   DecodeJob job;
   job.payload = std::make_shared<const std::vector<std::uint8_t>>(readFile(folder + "/" + name));
-  const Status status = decodePayload(job, mesh);
+  job.files = filesWith(expected.member("scales"));
+  static GlbDecoder glb;
+  const Status status = endsWith(name, ".glb") ? glb.decode(viewOf(*job.payload), mesh) : decodePayload(job, mesh);
   if (!status.isOk()) {
     return isGood ? "refused: " + status.text() : "";
   }

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "Manifest.h"
 #include "Terraport/DecodeThreads.h"
 #include "Terraport/GroupFollower.h"
 #include "Terraport/SceneLoader.h"
@@ -75,8 +76,7 @@ struct StagedVisit::Impl {
   JsonText feet;
 };
 
-std::unique_ptr<StagedVisit> StagedVisit::make(
-    ISceneStream& stream, const std::string& sceneUrl, const std::string& token, std::string& failure) {
+SharedSceneFiles loadFiles(const std::string& sceneUrl, const std::string& token, std::string& failure) {
   PlainHttp http;
   SceneLoadOptions options;
   options.token = token;
@@ -85,12 +85,27 @@ std::unique_ptr<StagedVisit> StagedVisit::make(
   }
   if (loader.state() == LoadState::Failed) {
     failure = "files: " + loader.status().code() + ": " + loader.status().text();
-    return nullptr;
   }
-  return std::unique_ptr<StagedVisit>(new StagedVisit(std::make_unique<Impl>(stream, loader.files())));
+  return loader.files();
 }
 
-StagedVisit::StagedVisit(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+SharedSceneFiles loadManifest(const std::string& sceneUrl, const std::string& token, std::string& failure) {
+  PlainHttp http;
+  HttpAnswer answer;
+  http.poll(http.get(sceneUrl, token, std::size_t{4} << 20), answer);
+  CheckedManifest checked;
+  const Status status = readManifest(viewOf(answer.body), "", checked);
+  if (!status.isOk()) {
+    failure = "manifest: " + std::to_string(answer.status) + ": " + status.text();
+    return nullptr;
+  }
+  auto files = std::make_shared<SceneFiles>();
+  files->manifest = std::move(checked.manifest);
+  return files;
+}
+
+StagedVisit::StagedVisit(ISceneStream& stream, SharedSceneFiles files)
+    : impl_(std::make_unique<Impl>(stream, std::move(files))) {}
 
 StagedVisit::~StagedVisit() = default;
 

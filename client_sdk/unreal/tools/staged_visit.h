@@ -3,18 +3,23 @@
 #include <memory>
 #include <string>
 
+#include "Terraport/SceneFiles.h"
 #include "Terraport/SceneStream.h"
 #include "Terraport/Types.h"
 
 namespace terraport::tools {
 
+/// Load the files of a scene; null, and `failure` set, where that cannot be.
+SharedSceneFiles loadFiles(const std::string& sceneUrl, const std::string& token, std::string& failure);
+
+/// Load its manifest alone, by one request.
+SharedSceneFiles loadManifest(const std::string& sceneUrl, const std::string& token, std::string& failure);
+
 /// A visit as an engine makes it: the scene's files are loaded, the stream's events go to a SceneStage, and a renderer that
 /// draws nothing notes what would be drawn, and every order that a real one could not keep.
 class StagedVisit {
  public:
-  /// Null, and `failure` set, where the scene cannot be loaded.
-  static std::unique_ptr<StagedVisit> make(
-      ISceneStream& stream, const std::string& sceneUrl, const std::string& token, std::string& failure);
+  StagedVisit(ISceneStream& stream, SharedSceneFiles files);
   ~StagedVisit();
 
   std::int64_t land(const Vec3& position, double radiusM, const LandOptions& options, double nowMs);
@@ -33,7 +38,6 @@ class StagedVisit {
 
  private:
   struct Impl;
-  explicit StagedVisit(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
 

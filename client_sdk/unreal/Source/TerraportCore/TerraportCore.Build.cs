@@ -1,7 +1,7 @@
 using UnrealBuildTool;
 
 /// <summary>
-/// Protocol, session, decoders and stage in plain C++17: no engine type, no exception, no third-party library. The same files
+/// Protocol, session, decoders and stage in plain C++17: no engine type, no exception, no library but zlib. The same files
 /// are compiled and tested outside the engine by CMakeLists.txt.
 /// </summary>
 public class TerraportCore : ModuleRules
@@ -15,6 +15,7 @@ public class TerraportCore : ModuleRules
         bUseRTTI = false;
         // For IMPLEMENT_MODULE alone.
         PrivateDependencyModuleNames.Add("Core");
+        AddEngineThirdPartyPrivateStaticDependencies(Target, "zlib");
         PrivateDefinitions.Add("TERRAPORT_UNREAL=1");
     }
 }

@@ -7,9 +7,11 @@
 namespace {
 
 thread_local std::size_t allocations = 0;
+thread_local std::size_t requestedBytes = 0;
 
 void* allocate(std::size_t size) {
   ++allocations;
+  requestedBytes += size;
   return std::malloc(size > 0 ? size : 1);
 }
 
@@ -27,6 +29,10 @@ namespace terraport_tests {
 
 std::size_t allocationCount() {
   return allocations;
+}
+
+std::size_t allocatedBytes() {
+  return requestedBytes;
 }
 
 }  // namespace terraport_tests

@@ -67,7 +67,7 @@ class Folder {
   std::vector<fs::path> files() const {
     std::vector<fs::path> all;
     for (const auto& entry : fs::recursive_directory_iterator(path)) {
-      if (entry.path().extension() == ".glb") {
+      if (entry.path().extension() == ".segment-2") {
         all.push_back(entry.path());
       }
     }
@@ -184,7 +184,7 @@ TEST_CASE("of two versions on disk the newer counts") {
 
 TEST_CASE("what is not ours stays on disk") {
   const Folder folder;
-  const fs::path foreign = folder.path / "photos" / "1-0123456789abcdef.glb";
+  const fs::path foreign = folder.path / "photos" / "1-0123456789abcdef.segment-2";
   fs::create_directories(foreign.parent_path());
   rewrite(foreign, std::vector<std::uint8_t>(5000));
   DiskCache cache = folder.open(3000);

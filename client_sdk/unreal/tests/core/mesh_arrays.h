@@ -27,10 +27,7 @@ inline MeshArrays arraysOf(const terraport::SegmentMesh& mesh) {
   out.normals.resize(mesh.vertexCount * std::size_t{3});
   mesh.writeNormals(out.normals.data());
   out.indices.assign(mesh.indices.begin(), mesh.indices.end());
-  if (mesh.colourForm != terraport::ColourForm::None) {
-    out.colours.resize(mesh.vertexCount * std::size_t{4});
-    mesh.writeColours(out.colours.data());
-  }
+  out.colours.assign(mesh.colours.begin(), mesh.colours.end());
   if (mesh.hasRegionIds) {
     out.regionIds.assign(mesh.regionIds.begin(), mesh.regionIds.end());
   }

@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "LittleEndian.h"
+#include "Manifest.h"
 #include "Terraport/DecodeThreads.h"
 #include "Terraport/Json.h"
 #include "counting_new.h"
@@ -16,42 +17,48 @@ using namespace terraport_tests;
 
 namespace {
 
-/// Payloads of a scene, as they lie in its pack: GLBs, each with its length, at multiples of 64.
-std::vector<SharedPayload> payloadsOf(const std::filesystem::path& scene) {
+/// Segments of a scene, as they lie in its pack: each has its lengths, and begins at a multiple of 64.
+std::vector<DecodeJob> jobsOf(const std::filesystem::path& scene) {
   const std::string text = readText(scene / "scene.json");
   JsonDocument document;
   REQUIRE(document.read(text).isOk());
   const auto path = document.root().member("files").member("segments.pack").member("path").text();
   REQUIRE(path);
+  CheckedManifest checked;
+  const std::vector<std::uint8_t> json(text.begin(), text.end());
+  REQUIRE(readManifest(viewOf(json), "scene", checked).isOk());
+  const auto files = std::make_shared<SceneFiles>();
+  files->manifest = checked.manifest;
   const std::vector<std::uint8_t> pack = readFile(scene / std::string(*path));
-  std::vector<SharedPayload> payloads;
-  for (std::size_t at = 64; at + 12 <= pack.size(); at = (at + readU32(&pack[at + 8]) + 63) / 64 * 64) {
-    const std::size_t end = at + readU32(&pack[at + 8]);
-    REQUIRE((pack[at] == 'g' && end <= pack.size()));
-    payloads.push_back(std::make_shared<std::vector<std::uint8_t>>(&pack[at], pack.data() + end));
+  std::vector<DecodeJob> jobs;
+  for (std::size_t at = 64, end = 0; at + 12 <= pack.size(); at = (end + 63) / 64 * 64) {
+    end = at + 12 + readU32(&pack[at + 4]) + readU32(&pack[at + 8]);
+    REQUIRE((pack[at] == 'T' && end <= pack.size()));
+    DecodeJob job;
+    job.segment = static_cast<std::uint32_t>(jobs.size());
+    job.payload = std::make_shared<std::vector<std::uint8_t>>(&pack[at], pack.data() + end);
+    job.files = files;
+    jobs.push_back(std::move(job));
   }
-  CHECK(payloads.size() >= 4);
-  return payloads;
+  CHECK(jobs.size() >= 4);
+  return jobs;
 }
 
 }  // namespace
 
 TEST_SUITE("payloads") {
   TEST_CASE("decoding allocates nothing once the buffers are large enough") {
-    std::vector<SharedPayload> all;
+    std::vector<DecodeJob> all;
     for (const char* name : {"tiny", "tiny-textured", "axes"}) {
-      for (SharedPayload& payload : payloadsOf(conformance() / "scene" / name)) {
-        all.push_back(std::move(payload));
+      for (DecodeJob& job : jobsOf(conformance() / "scene" / name)) {
+        all.push_back(std::move(job));
       }
     }
     SegmentMesh mesh;
     std::size_t before = 0;
     for (int round = 0; round < 4; ++round) {
       before = allocationCount();
-      for (std::uint32_t segment = 0; segment < all.size(); ++segment) {
-        DecodeJob job;
-        job.segment = segment;
-        job.payload = all[segment];
+      for (const DecodeJob& job : all) {
         if (!decodePayload(job, mesh).isOk()) {
           FAIL("does not decode");
         }
@@ -61,20 +68,21 @@ TEST_SUITE("payloads") {
   }
 
   TEST_CASE("threads decode what they are given, and meshes come back for their memory") {
-    const std::vector<SharedPayload> payloads = payloadsOf(conformance() / "scene" / "axes");
+    const std::vector<DecodeJob> jobs = jobsOf(conformance() / "scene" / "axes");
     std::atomic<int> prepared{0};
     DecodeThreads queue(3, [&](SegmentMesh&, const SharedPayload& payload) { prepared += payload ? 1 : 0; }, 4);
     for (int round = 0; round < 20; ++round) {
       std::map<std::uint32_t, int> answers;
-      for (std::uint32_t segment = 0; segment < payloads.size(); ++segment) {
-        DecodeJob job;
-        job.segment = segment;
+      for (std::uint32_t segment = 0; segment < jobs.size(); ++segment) {
+        DecodeJob job = jobs[segment];
         job.epoch = 9;
-        job.payload = segment == 2 ? std::make_shared<const std::vector<std::uint8_t>>(40) : payloads[segment];
+        if (segment == 2) {
+          job.payload = std::make_shared<const std::vector<std::uint8_t>>(40);
+        }
         queue.push(std::move(job));
       }
       std::size_t count = 0;
-      while (count < payloads.size()) {
+      while (count < jobs.size()) {
         DecodedSegment answer;
         if (!queue.tryPop(answer)) {
           std::this_thread::yield();
@@ -87,8 +95,8 @@ TEST_SUITE("payloads") {
         CHECK((answer.status.isOk() ? answer.mesh->segment == answer.segment : answer.mesh->vertexCount == 0));
         queue.release(std::move(answer.mesh));
       }
-      CHECK(answers.size() == payloads.size());
+      CHECK(answers.size() == jobs.size());
     }
-    CHECK(prepared == 20 * static_cast<int>(payloads.size() - 1));
+    CHECK(prepared == 20 * static_cast<int>(jobs.size() - 1));
   }
 }

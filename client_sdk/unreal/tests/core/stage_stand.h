@@ -29,7 +29,7 @@ struct WorkClock {
 class FakeStream final : public terraport::LandingStream {
  public:
   FakeStream() {
-    const auto path = conformance() / "scene" / "payload" / "good-full.glb";
+    const auto path = conformance() / "scene" / "payload" / "good-colours.tsg";
     validPayload = std::make_shared<const std::vector<std::uint8_t>>(readFile(path));
     std::vector<std::uint8_t> broken = *validPayload;
     broken[broken.size() / 2] ^= 0xff;

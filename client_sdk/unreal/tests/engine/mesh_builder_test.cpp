@@ -8,6 +8,7 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 TEST_CASE("a part has the mesh's places, colours and corners")
@@ -23,14 +24,14 @@ TEST_CASE("a part has the mesh's places, colours and corners")
 	CHECK(Part.Bounds.Max == FVector3f(300.0f, 300.0f, 0.0f));
 	for (int32 Vertex = 0; Vertex < 16; ++Vertex)
 	{
-		const uint16 Code = Mesh.coloursLinear16[4 * std::size_t(Vertex)];
-		CHECK(Part.Colours[Vertex].R == terraport::srgbOfLinear16(Code));
+		CHECK(Part.Colours[Vertex].R == Mesh.colours[4 * std::size_t(Vertex)]);
 	}
 	TerraportMeshBuilder::BuildPart(Mesh, ETerraportVertexColours::Linear, Part);
 	for (int32 Vertex = 0; Vertex < 16; ++Vertex)
 	{
-		const uint16 Code = Mesh.coloursLinear16[4 * std::size_t(Vertex)];
-		CHECK(int(Part.Colours[Vertex].R) == int(double(Code) / 65535.0 * 255.0 + 0.5));
+		const double Share = Mesh.colours[4 * std::size_t(Vertex)] / 255.0;
+		const double Linear = Share <= 0.04045 ? Share / 12.92 : std::pow((Share + 0.055) / 1.055, 2.4);
+		CHECK(int(Part.Colours[Vertex].R) == int(Linear * 255.0 + 0.5));
 	}
 }
 
@@ -68,7 +69,7 @@ TEST_CASE("ground whose image cannot be read has the mean colour of its regions,
 	const std::uint16_t Ids[4] = {0, 0, 1, 2};
 	std::copy(Ids, Ids + 4, Mesh.regionIds.data());
 	CHECK(int(TerraportMeshBuilder::MeanColourOf(Mesh, Regions).R) == 133);
-	Mesh.colourForm = terraport::ColourForm::None;
+	Mesh.hasColours = false;
 	Mesh.image.type = terraport::ImageType::Ktx2;
 	FTerraportSegmentData Data;
 	const FTerraportDynamicBackend Backend;

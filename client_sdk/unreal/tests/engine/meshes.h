@@ -16,9 +16,9 @@ inline void MakeGrid(std::uint32_t Side, terraport::SegmentMesh& Mesh)
 	Mesh.faceCount = 2 * Side * Side;
 	Mesh.positionForm = terraport::VertexForm::Codes;
 	Mesh.stepM = 0.5;
-	Mesh.colourForm = terraport::ColourForm::Linear16;
+	Mesh.hasColours = true;
 	bool bRoom = Mesh.positionCodes.resize(4 * Mesh.vertexCount) && Mesh.normalCodes.resize(4 * Mesh.vertexCount) &&
-		Mesh.coloursLinear16.resize(4 * Mesh.vertexCount) && Mesh.indices.resize(3 * Mesh.faceCount);
+		Mesh.colours.resize(4 * Mesh.vertexCount) && Mesh.indices.resize(3 * Mesh.faceCount);
 	if (!bRoom)
 	{
 		return;
@@ -32,7 +32,7 @@ inline void MakeGrid(std::uint32_t Side, terraport::SegmentMesh& Mesh)
 		{
 			Mesh.positionCodes[4 * Vertex + At] = Codes[At];
 			Mesh.normalCodes[4 * Vertex + At] = Normal[At];
-			Mesh.coloursLinear16[4 * Vertex + At] = At == 3 ? 65535 : std::uint16_t(Vertex * 65535u / Mesh.vertexCount);
+			Mesh.colours[4 * Vertex + At] = At == 3 ? 255 : std::uint8_t(Vertex * 255u / Mesh.vertexCount);
 		}
 	}
 	// 3. Two faces a square, counter-clockwise seen from above.

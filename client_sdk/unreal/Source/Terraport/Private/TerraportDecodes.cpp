@@ -30,7 +30,6 @@ struct FTerraportDecodes::FShared
 	std::deque<terraport::DecodeJob> Waiting;
 	std::deque<terraport::DecodedSegment> Done;
 	std::vector<std::unique_ptr<terraport::SegmentMesh>> Spare;
-	terraport::SharedSceneFiles Files;
 	int32 Tasks = 0;
 	bool bEnded = false;
 };
@@ -47,12 +46,6 @@ FTerraportDecodes::~FTerraportDecodes()
 	Shared->bEnded = true;
 	Shared->Waiting.clear();
 	Shared->Done.clear();
-}
-
-void FTerraportDecodes::SetFiles(terraport::SharedSceneFiles Files)
-{
-	const std::lock_guard<std::mutex> Lock(Shared->Mutex);
-	Shared->Files = std::move(Files);
 }
 
 void FTerraportDecodes::push(terraport::DecodeJob Job)
@@ -82,7 +75,6 @@ void FTerraportDecodes::Work(const TSharedRef<FShared, ESPMode::ThreadSafe>& Sha
 		// 1. The oldest job, and buffers of an earlier one.
 		terraport::DecodeJob Job;
 		terraport::DecodedSegment Answer;
-		terraport::SharedSceneFiles Files;
 		{
 			const std::lock_guard<std::mutex> Lock(Shared->Mutex);
 			if (Shared->bEnded || Shared->Waiting.empty())
@@ -92,7 +84,6 @@ void FTerraportDecodes::Work(const TSharedRef<FShared, ESPMode::ThreadSafe>& Sha
 			}
 			Job = std::move(Shared->Waiting.front());
 			Shared->Waiting.pop_front();
-			Files = Shared->Files;
 			if (!Shared->Spare.empty())
 			{
 				Answer.mesh = std::move(Shared->Spare.back());
@@ -117,7 +108,7 @@ void FTerraportDecodes::Work(const TSharedRef<FShared, ESPMode::ThreadSafe>& Sha
 			FTerraportSegmentData& Data = static_cast<FTerraportSegmentData&>(*Answer.mesh->engineData);
 			static const std::vector<terraport::RegionFacts> NoRegions;
 			Data.Build(*Answer.mesh, terraport::viewOf(*Job.payload), *Shared->Backend, Shared->Colours,
-				Files ? Files->regions : NoRegions);
+				Job.files ? Job.files->regions : NoRegions);
 		}
 		// 3. Hand over; buffers of what failed are used again at once.
 		const std::lock_guard<std::mutex> Lock(Shared->Mutex);

@@ -3,7 +3,6 @@
 #include "CoreMinimal.h"
 
 #include "Terraport/DecodeQueue.h"
-#include "Terraport/SceneFiles.h"
 #include "TerraportMeshBackend.h"
 #include "TerraportSettings.h"
 
@@ -21,9 +20,6 @@ public:
 	virtual ~FTerraportDecodes() override;
 	FTerraportDecodes(const FTerraportDecodes&) = delete;
 	FTerraportDecodes& operator=(const FTerraportDecodes&) = delete;
-
-	/** Whose regions' colours stand for images that cannot be read, for what is pushed from now on. */
-	void SetFiles(terraport::SharedSceneFiles Files);
 
 	virtual void push(terraport::DecodeJob Job) override;
 	virtual bool tryPop(terraport::DecodedSegment& Out) override;

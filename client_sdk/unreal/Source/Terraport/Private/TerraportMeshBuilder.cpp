@@ -16,25 +16,30 @@ float* FloatsOf(TArray<FVector3f>& Vectors)
 	return reinterpret_cast<float*>(Vectors.GetData());
 }
 
+/** A colour as the material takes it. */
+FColor Coded(FColor Srgb, ETerraportVertexColours Coding)
+{
+	if (Coding == ETerraportVertexColours::Srgb)
+	{
+		return Srgb;
+	}
+	const auto Linear = [](uint8 Level) { return uint8((uint32(TerraportTexture::LinearOf(Level)) * 255 + 32767) / 65535); };
+	return FColor(Linear(Srgb.R), Linear(Srgb.G), Linear(Srgb.B), 255);
+}
+
 void BuildColours(const terraport::SegmentMesh& Mesh, ETerraportVertexColours Coding, TArray<FColor>& Out)
 {
 	const int32 Count = int32(Mesh.vertexCount);
-	if (Mesh.colourForm == terraport::ColourForm::None)
+	if (!Mesh.hasColours)
 	{
 		Out.Reset();
 		return;
 	}
 	Out.SetNumUninitialized(Count);
-	const bool bLinear = Coding == ETerraportVertexColours::Linear;
 	for (int32 Vertex = 0; Vertex < Count; ++Vertex)
 	{
-		uint8 Rgb[3];
-		for (int32 Channel = 0; Channel < 3; ++Channel)
-		{
-			const uint16 Code = Mesh.coloursLinear16[4 * std::size_t(Vertex) + std::size_t(Channel)];
-			Rgb[Channel] = bLinear ? uint8((uint32(Code) * 255 + 32767) / 65535) : terraport::srgbOfLinear16(Code);
-		}
-		Out[Vertex] = FColor(Rgb[0], Rgb[1], Rgb[2], 255);
+		const uint8* Rgb = &Mesh.colours[4 * std::size_t(Vertex)];
+		Out[Vertex] = Coded(FColor(Rgb[0], Rgb[1], Rgb[2], 255), Coding);
 	}
 }
 } // namespace
@@ -111,14 +116,7 @@ FColor MeanColourOf(const terraport::SegmentMesh& Mesh, const std::vector<terrap
 
 void FillColour(FColor Srgb, ETerraportVertexColours Coding, FTerraportMeshPart& Part)
 {
-	FColor Colour = Srgb;
-	if (Coding == ETerraportVertexColours::Linear)
-	{
-		const auto Linear = [](uint8 Level) {
-			return uint8((uint32(TerraportTexture::LinearOf(Level)) * 255 + 32767) / 65535);
-		};
-		Colour = FColor(Linear(Srgb.R), Linear(Srgb.G), Linear(Srgb.B), 255);
-	}
+	const FColor Colour = Coded(Srgb, Coding);
 	Part.Colours.SetNumUninitialized(Part.Positions.Num());
 	for (FColor& Vertex : Part.Colours)
 	{

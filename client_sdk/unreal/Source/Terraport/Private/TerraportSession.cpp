@@ -312,7 +312,6 @@ void FTerraportSession::TakeFiles(FTerraportFilesResult& Result, double NowMs)
 {
 	Renderer->SetBase(Result.Base.ToSharedRef());
 	Ground->setBase(Result.Base->Ground);
-	Decodes->SetFiles(Result.Files);
 	if (Stage)
 	{
 		Stage->replaceFiles(Result.Files);

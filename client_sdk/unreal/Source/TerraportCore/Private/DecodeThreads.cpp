@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "Terraport/GlbDecoder.h"
+#include "SegmentFormat.h"
 
 namespace terraport {
 namespace {
@@ -57,12 +57,14 @@ DecodedSegment answerOf(DecodeJob job, std::unique_ptr<SegmentMesh> mesh, const 
 
 Status decodePayload(const DecodeJob& job, SegmentMesh& mesh) {
   // The decoder's own memory is used again by every payload of this thread.
-  static thread_local GlbDecoder glb;
+  static thread_local SegmentDecoder decoder;
+  static const std::vector<AttributeInfo> noAttributes;
   if (!job.payload) {
     mesh.clear();
     return Status::failed("invalid_argument", "no payload to decode");
   }
-  return glb.decode(viewOf(*job.payload), job.segment, mesh);
+  const std::vector<AttributeInfo>& attributes = job.files ? job.files->manifest.attributes : noAttributes;
+  return decoder.decode(viewOf(*job.payload), attributes, job.segment, mesh);
 }
 
 struct DecodeThreads::Impl {

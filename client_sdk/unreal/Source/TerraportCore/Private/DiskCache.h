@@ -14,7 +14,7 @@ namespace terraport {
 /// Named by their hash, checked when they are read, written beside and renamed. Bounded in bytes; what was used longest ago
 /// goes first. Nothing here fails: a disk that is full, damaged or read-only keeps less, or nothing.
 ///
-///     FOLDER/<16 digits: XXH3-64 of the scene's URL>/<segment>-<16 digits: XXH3-64>.glb
+///     FOLDER/<16 digits: XXH3-64 of the scene's URL>/<segment>-<16 digits: XXH3-64>.segment-2
 ///
 /// Every method blocks. One thread at a time; several processes may share a folder.
 class DiskCache {

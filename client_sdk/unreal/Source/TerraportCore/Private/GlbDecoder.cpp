@@ -1,7 +1,5 @@
 #include "Terraport/GlbDecoder.h"
 
-#include <cfloat>
-#include <cmath>
 #include <cstring>
 #include <string>
 #include <string_view>
@@ -11,14 +9,13 @@
 #include "GlbTexture.h"
 #include "ImageHeader.h"
 #include "JsonExpect.h"
+#include "LittleEndian.h"
 #include "MeshChecks.h"
 
 namespace terraport {
 namespace {
 
 constexpr std::int64_t kStatedNullCode = 65535;
-/// Largest attribute code that is a value.
-constexpr double kLastCode = 65534.0;
 /// More than any survey has: bounds what the names of one payload take.
 constexpr std::uint32_t kMaxPayloadAttributes = 240;
 constexpr std::string_view kSupportedExtensions[] = {"KHR_mesh_quantization", "EXT_meshopt_compression", "EXT_mesh_features",
@@ -40,9 +37,7 @@ Status noMemory() {
 /// One payload being read.
 class GlbReading {
  public:
-  GlbReading(GlbDecoder& decoder, std::int64_t segment, SegmentMesh& mesh) : decoder_(decoder), mesh_(mesh) {
-    mesh_.segment = segment;
-  }
+  GlbReading(GlbDecoder& decoder, SegmentMesh& mesh) : decoder_(decoder), mesh_(mesh) {}
 
   Status read(ByteSpan payload) {
     GlbChunks chunks;
@@ -218,7 +213,7 @@ class GlbReading {
     std::size_t offset = 0;
     TERRAPORT_RETURN_IF_ERROR(reader_.findImage(texture.view, file, offset));
     ImageHeader header;
-    TERRAPORT_RETURN_IF_ERROR(readPayloadImage(file, mesh_.segment < 0, header));
+    TERRAPORT_RETURN_IF_ERROR(readPayloadImage(file, true, header));
     if (header.type != texture.type) {
       return Status::damaged(
           std::string("image is ") + mediaTypeOf(header.type) + ", expected " + mediaTypeOf(texture.type) + " by mimeType");
@@ -234,8 +229,20 @@ class GlbReading {
     const GltfExpectation expected = {"COLOR_0", GltfComponent::UnsignedShort, GltfComponent::UnsignedShort, "VEC4", 4};
     GltfRows rows;
     TERRAPORT_RETURN_IF_ERROR(findColumn(expected, rows));
-    mesh_.colourForm = ColourForm::Linear16;
-    return decodeInto(rows, 8, mesh_.coloursLinear16);
+    TERRAPORT_RETURN_IF_ERROR(decodeRows(rows));
+    mesh_.hasColours = true;
+    if (!mesh_.colours.resize(4 * rows.count)) {
+      return noMemory();
+    }
+    for (std::size_t row = 0; row < rows.count; ++row) {
+      const std::uint8_t* codes = decoder_.rows_.data() + row * rows.stride;
+      std::uint8_t* rgba = mesh_.colours.data() + 4 * row;
+      for (int channel = 0; channel < 3; ++channel) {
+        rgba[channel] = srgbOfLinear16(readU16(codes + 2 * channel));
+      }
+      rgba[3] = 255;
+    }
+    return {};
   }
 
   /// A column of 16-bit numbers, one for each vertex.
@@ -282,11 +289,7 @@ class GlbReading {
     }
     double offset = 0.0;
     double step = 0.0;
-    TERRAPORT_RETURN_IF_ERROR(expectNumber(row.member("offset"), "offset of an attribute", offset));
-    TERRAPORT_RETURN_IF_ERROR(expectNumber(row.member("step"), "step of an attribute", step));
-    if (!(step > 0.0) || !(std::fabs(offset) <= FLT_MAX) || !(std::fabs(offset + step * kLastCode) <= FLT_MAX)) {
-      return Status::damaged("scale of an attribute, expected a step above 0 and all values within float32");
-    }
+    TERRAPORT_RETURN_IF_ERROR(expectScale(row, offset, step));
     for (std::size_t at = 0; at < mesh_.attributeCount; ++at) {
       if (mesh_.attributes[at].name == *name) {
         return Status::damaged("attribute " + shortly(row.member("name")) + " stands twice, expected once");
@@ -311,9 +314,9 @@ class GlbReading {
   GltfReader reader_;
 };
 
-Status GlbDecoder::decode(ByteSpan payload, std::int64_t segment, SegmentMesh& mesh) {
+Status GlbDecoder::decode(ByteSpan payload, SegmentMesh& mesh) {
   mesh.clear();
-  GlbReading reading(*this, segment, mesh);
+  GlbReading reading(*this, mesh);
   Status status = reading.read(payload);
   if (!status.isOk()) {
     mesh.clear();

@@ -1,6 +1,7 @@
 // Values out of a JSON document, each looked at for what it is before it is used.
 #pragma once
 
+#include <cfloat>
 #include <cmath>
 #include <cstdint>
 #include <string>
@@ -91,6 +92,16 @@ inline Status expectNumber(JsonValue value, std::string_view label, double& out)
     return {};
   }
   return Status::damaged(std::string(label) + " is " + shortly(value) + ", expected a finite number");
+}
+
+/// Read offset and step of an attribute's codes; damaged where a code from 0 to 65534 has no value in float32.
+inline Status expectScale(JsonValue attribute, double& offset, double& step) {
+  TERRAPORT_RETURN_IF_ERROR(expectNumber(attribute.member("offset"), "offset of an attribute", offset));
+  TERRAPORT_RETURN_IF_ERROR(expectNumber(attribute.member("step"), "step of an attribute", step));
+  if (!(step > 0.0) || !(std::fabs(offset) <= FLT_MAX) || !(std::fabs(offset + step * 65534.0) <= FLT_MAX)) {
+    return Status::damaged("scale of an attribute, expected a step above 0 and all values within float32");
+  }
+  return {};
 }
 
 inline Status expectTriple(JsonValue value, std::string_view label, double out[3]) {

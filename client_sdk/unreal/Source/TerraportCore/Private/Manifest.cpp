@@ -13,7 +13,7 @@ constexpr std::uint64_t kMaxBaseBytes = std::uint64_t{1} << 30;
 constexpr std::uint64_t kMaxCoverBytes = std::uint64_t{1} << 26;
 /// A bound for arithmetic: faces are counted in 32 bits.
 constexpr std::uint64_t kMaxCount = (std::uint64_t{1} << 31) - 1;
-constexpr std::uint32_t kMaxSceneAttributes = 4096;
+constexpr std::uint32_t kMaxSceneAttributes = 32;
 
 bool isDigest(std::string_view text, std::size_t digits) {
   if (text.size() != digits) {
@@ -76,6 +76,7 @@ Status readAttribute(JsonValue value, SceneManifest& manifest) {
   TERRAPORT_RETURN_IF_ERROR(expectMap(value, "attribute"));
   AttributeInfo info;
   TERRAPORT_RETURN_IF_ERROR(expectText(value.member("name"), "name of an attribute", info.name));
+  TERRAPORT_RETURN_IF_ERROR(expectScale(value, info.offset, info.step));
   const std::pair<const char*, std::optional<double>*> ends[] = {{"min", &info.min}, {"max", &info.max}};
   for (const auto& [key, out] : ends) {
     const JsonValue end = value.member(key);
@@ -182,7 +183,7 @@ Status readKeys(JsonValue json, CheckedManifest& out) {
   SceneManifest& manifest = out.manifest;
   const JsonValue encodings = json.member("encodings");
   TERRAPORT_RETURN_IF_ERROR(expectMap(encodings, "encodings"));
-  TERRAPORT_RETURN_IF_ERROR(expectMap(encodings.member(kPayloadEncoding), "encodings.glb"));
+  TERRAPORT_RETURN_IF_ERROR(expectMap(encodings.member(kPayloadEncoding), "encodings.segment-2"));
   TERRAPORT_RETURN_IF_ERROR(expectText(json.member("name"), "name", manifest.name));
   TERRAPORT_RETURN_IF_ERROR(expectText(json.member("version"), "version", manifest.version));
   if (!isDigest(manifest.version, 32)) {
@@ -193,7 +194,7 @@ Status readKeys(JsonValue json, CheckedManifest& out) {
   const JsonValue attributes = json.member("attributes");
   TERRAPORT_RETURN_IF_ERROR(expectList(attributes, "attributes"));
   if (attributes.size() > kMaxSceneAttributes) {
-    return Status::damaged(std::to_string(attributes.size()) + " attributes, expected at most 4096");
+    return Status::damaged(std::to_string(attributes.size()) + " attributes, expected at most 32");
   }
   for (const JsonValue attribute : attributes.items()) {
     TERRAPORT_RETURN_IF_ERROR(readAttribute(attribute, manifest));

@@ -28,7 +28,7 @@ Status decodeAll(const CheckedManifest& checked, const SceneFileBytes& bytes, Sc
   TERRAPORT_RETURN_IF_ERROR(expectFile(bytes.regionsJson, checked.regionsJson, "regions.json"));
   files.manifest = checked.manifest;
   GlbDecoder decoder;
-  TERRAPORT_RETURN_IF_ERROR(decoder.decode(viewOf(*bytes.baseGlb), -1, files.base));
+  TERRAPORT_RETURN_IF_ERROR(decoder.decode(viewOf(*bytes.baseGlb), files.base));
   files.basePayload = bytes.baseGlb;
   if (files.base.faceCount != checked.manifest.baseFaces) {
     return Status::damaged("base of " + std::to_string(files.base.faceCount) + " faces, expected " +

@@ -4,7 +4,7 @@ namespace terraport {
 
 std::size_t SceneRenderer::gpuBytesOf(const SegmentMesh& mesh) const {
   std::size_t vertex = (mesh.positionForm == VertexForm::Codes ? 8 : 12) + 4;
-  vertex += mesh.colourForm == ColourForm::None ? 0 : 8;
+  vertex += mesh.hasColours ? 4 : 0;
   vertex += mesh.hasUvs ? 4 : 0;
   vertex += mesh.hasRegionIds ? 4 : 0;
   vertex += 4 * mesh.attributeCount;

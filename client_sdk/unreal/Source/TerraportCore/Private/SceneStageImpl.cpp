@@ -210,7 +210,7 @@ void SceneStage::Impl::askForDecodes() {
       residency_.decodeFailed(request.segment, request.epoch);
       continue;
     }
-    decoders_.push({request.segment, request.epoch, std::move(payload)});
+    decoders_.push({request.segment, request.epoch, std::move(payload), files_});
   }
 }
 

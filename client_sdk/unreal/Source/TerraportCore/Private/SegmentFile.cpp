@@ -12,7 +12,7 @@ namespace {
 const char kMagic[] = "TPSDKSG1";
 constexpr std::size_t kHeadRowAt = 8;
 constexpr std::size_t kHeadRowBytes = 48;
-const std::string kEnding = ".glb";
+const std::string kEnding = std::string(".") + kPayloadEncoding;
 
 template <typename Number>
 void write(std::uint8_t* at, Number number) {

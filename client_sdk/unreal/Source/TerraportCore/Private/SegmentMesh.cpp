@@ -77,8 +77,8 @@ void SegmentMesh::clear() {
   positionCodes.clear();
   positions.clear();
   normalCodes.clear();
-  colourForm = ColourForm::None;
-  coloursLinear16.clear();
+  hasColours = false;
+  colours.clear();
   hasUvs = false;
   uvScale[0] = uvScale[1] = 1.0F;
   uvsNormalised = false;
@@ -97,7 +97,7 @@ void SegmentMesh::clear() {
 
 std::size_t SegmentMesh::capacityBytes() const {
   std::size_t bytes = positionCodes.capacityBytes() + positions.capacityBytes() + normalCodes.capacityBytes() +
-      coloursLinear16.capacityBytes() + uvCodes.capacityBytes() + regionIds.capacityBytes() + indices.capacityBytes();
+      colours.capacityBytes() + uvCodes.capacityBytes() + regionIds.capacityBytes() + indices.capacityBytes();
   for (const AttributeColumn& column : attributes) {
     bytes += column.codes.capacityBytes();
   }
@@ -129,17 +129,6 @@ void SegmentMesh::writeNormals(float* out) const {
     for (int axis = 0; axis < 3; ++axis) {
       out[axis] /= length;
     }
-  }
-}
-
-void SegmentMesh::writeColours(std::uint8_t* out) const {
-  const std::uint8_t* levels = srgbTable().levels;
-  const std::uint16_t* code = coloursLinear16.data();
-  for (std::size_t vertex = 0; vertex < coloursLinear16.size() / 4; ++vertex, code += 4, out += 4) {
-    out[0] = levels[code[0]];
-    out[1] = levels[code[1]];
-    out[2] = levels[code[2]];
-    out[3] = 255;
   }
 }
 

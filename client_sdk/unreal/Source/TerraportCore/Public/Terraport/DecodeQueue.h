@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "Terraport/Api.h"
+#include "Terraport/SceneFiles.h"
 #include "Terraport/SegmentMesh.h"
 #include "Terraport/Status.h"
 #include "Terraport/Types.h"
@@ -18,6 +19,8 @@ struct DecodeJob {
   /// Given back with the answer: answers to requests of an earlier scene version are dropped.
   std::uint32_t epoch = 0;
   SharedPayload payload;
+  /// Of the scene version that the payload is of: the scales of its attributes.
+  SharedSceneFiles files;
 };
 
 /// A decoded payload, or why there is none.
@@ -32,7 +35,7 @@ struct DecodedSegment {
 };
 
 /// Decode one job into `mesh`, in the calling thread: what every queue does. The decoder's own memory belongs to the thread,
-/// and is used again.
+/// and is used again. A job without `files` is of a scene without attributes.
 TERRAPORTCORE_API Status decodePayload(const DecodeJob& job, SegmentMesh& mesh);
 
 /// Decodes elsewhere, or later. Called from one thread, the stage's; nothing blocks.

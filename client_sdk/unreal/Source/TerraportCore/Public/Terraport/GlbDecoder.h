@@ -11,16 +11,13 @@
 
 namespace terraport {
 
-/// Decodes GLB payloads and the base mesh (scene format, section 9); arrays stay quantised. Safe on hostile bytes: a payload of
-/// n bytes never makes more than about 64 n, and every number is looked at before it is used.
-///
-/// Holds memory that is used again: one for each thread that decodes. Decoding allocates nothing once it and the mesh have seen
-/// a payload of that size.
+/// Decodes the base mesh (scene format, section 9); arrays stay quantised. Safe on hostile bytes: n bytes never
+/// make more than about 64 n, and every number is looked at before it is used.
 class TERRAPORTCORE_API GlbDecoder {
  public:
-  /// Decode a whole payload. `segment` is its id; -1 for the base mesh, whose image may be larger. After a failure the mesh is
-  /// empty. `payload` is only read, and not needed afterwards but for the image.
-  Status decode(ByteSpan payload, std::int64_t segment, SegmentMesh& mesh);
+  /// Decode a whole GLB. After a failure the mesh is empty. `payload` is only read, and not needed afterwards but for the
+  /// image.
+  Status decode(ByteSpan payload, SegmentMesh& mesh);
 
  private:
   JsonDocument document_;

@@ -22,6 +22,9 @@ struct SceneCrs {
 
 struct AttributeInfo {
   std::string name;
+  /// Of segments' codes: value = offset + step * code; 65535 means "no value".
+  double offset = 0.0;
+  double step = 1.0;
   /// Of the encoded values; absent when there is none.
   std::optional<double> min;
   std::optional<double> max;

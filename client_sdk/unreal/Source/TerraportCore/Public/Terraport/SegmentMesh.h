@@ -21,12 +21,6 @@ enum class VertexForm : std::uint8_t {
   Floats,
 };
 
-enum class ColourForm : std::uint8_t {
-  None,
-  /// Four 16-bit codes a vertex, linear light, 65535 is 1, the fourth is alpha: as a GLB has them.
-  Linear16,
-};
-
 enum class ImageType : std::uint8_t { None, Jpeg, Png, Webp, Ktx2 };
 
 /// "image/jpeg" and so on; empty for None.
@@ -90,8 +84,9 @@ class TERRAPORTCORE_API SegmentMesh {
   /// Four entries per vertex, the fourth is padding; 127 is 1; not exactly of length 1.
   SegmentBuffer<std::int8_t> normalCodes;
 
-  ColourForm colourForm = ColourForm::None;
-  SegmentBuffer<std::uint16_t> coloursLinear16;
+  bool hasColours = false;
+  /// Four entries per vertex: sRGB and 255.
+  SegmentBuffer<std::uint8_t> colours;
 
   /// Only where there is an image. (0, 0) is the image's upper left corner.
   bool hasUvs = false;
@@ -133,8 +128,6 @@ class TERRAPORTCORE_API SegmentMesh {
   void writePositions(float* out) const;
   /// Unit normals: `out` takes 3 * vertexCount.
   void writeNormals(float* out) const;
-  /// sRGB and alpha 255: `out` takes 4 * vertexCount. Only where `colourForm` is not None.
-  void writeColours(std::uint8_t* out) const;
   /// Texture coordinates: `out` takes 2 * vertexCount. Only where `hasUvs`.
   void writeUvs(float* out) const;
   /// Values of an attribute, NaN for none: `out` takes vertexCount. `column` is below `attributeCount`.

@@ -47,7 +47,7 @@ struct Box {
 };
 
 /// In which form payloads are asked for: the one that `decodePayload` reads.
-constexpr char kPayloadEncoding[] = "glb";
+constexpr char kPayloadEncoding[] = "segment-2";
 
 /// What the index says of one segment.
 struct SegmentFacts {
