@@ -215,7 +215,12 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     "decoding allocates nothing in the steady state": (
         No("new arrays each time"),
         No("new arrays each time: they go to the GPU"),
-        *both("tests/engines/test_decoding.py", "test_nothing_is_allocated_in_the_steady_state"),
+        Yes(
+            "tests/engines/test_decoding.py",
+            "test_nothing_is_allocated_in_the_steady_state",
+            short="but .NET's inflater: 5 kB a segment",
+        ),
+        Yes("tests/engines/test_decoding.py", "test_nothing_is_allocated_in_the_steady_state"),
     ),
     "places by name": (
         Yes("tests/sdk/test_places.py", "test_a_place_is_found_by_its_name_or_stable_id"),

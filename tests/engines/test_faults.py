@@ -23,7 +23,7 @@ def test_a_cut_line_is_mended_and_no_segment_comes_twice(
     client: Client, server: Service, threaded: int
 ) -> None:
     with ThreadedProxy(server.url) as line:
-        line.proxy.cuts = [900_000, 2_500_000, 700_000]
+        line.proxy.cuts = [600_000, 1_700_000, 500_000]
         landed = client.land(
             f"{line.url}/scenes/big",
             EVERYWHERE,
@@ -116,7 +116,7 @@ def test_a_server_that_is_away_is_asked_again_later_each_time(
 
 def test_a_deadline_shows_the_inner_part_first(client: Client, server: Service) -> None:
     with ThreadedProxy(server.url) as line:
-        line.proxy.bytes_per_s = 2_500_000
+        line.proxy.bytes_per_s = 1_200_000
         landed = client.land(f"{line.url}/scenes/big", "land:30,1,30,100,15,1500")
     assert landed.exit_code == 0, landed.output[-3000:]
     (degraded,), (ready,) = landed.of("degraded"), landed.landings

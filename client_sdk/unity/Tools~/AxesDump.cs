@@ -5,7 +5,8 @@ using Terraport.Unity;
 namespace Terraport.Tools
 {
     /// <summary>
-    /// Prints payloads as Unity is given them, by the Runtime's own <see cref="PackedMesh"/>: one JSON array of meshes.
+    /// Prints payloads of a scene without attributes as Unity is given them, by the Runtime's own <see cref="PackedMesh"/>: one JSON array
+    /// of meshes.
     /// </summary>
     internal static class AxesDump
     {
@@ -17,7 +18,7 @@ namespace Terraport.Tools
             foreach (string path in paths)
             {
                 var mesh = new SegmentMesh();
-                decoder.Decode(new ArraySegment<byte>(File.ReadAllBytes(path)), mesh);
+                decoder.Decode(new ArraySegment<byte>(File.ReadAllBytes(path)), new AttributeInfo[0], mesh);
                 var packed = new PackedMesh();
                 packed.Pack(mesh);
                 Describe(json, packed, mesh);

@@ -2,12 +2,13 @@ using System;
 using System.Collections.Generic;
 using System.Diagnostics;
 using System.IO;
+using Terraport.Json;
 
 namespace Terraport.Tools
 {
     /// <summary>
-    /// How fast payloads are decoded, and how much is allocated for one. The file holds payloads, each after its length
-    /// (uint32, little-endian).
+    /// How fast payloads are decoded, and how much is allocated for one. The file holds the scene's attributes, as its manifest lists them,
+    /// and payloads, each after its length (uint32, little-endian).
     /// </summary>
     internal static class DecodeBenchmark
     {
@@ -17,7 +18,9 @@ namespace Terraport.Tools
         public static int Run(string path, double seconds)
         {
             var decoder = new SegmentDecoder();
-            List<byte[]> payloads = ReadPayloads(path);
+            List<byte[]> payloads = ReadRecords(path);
+            IReadOnlyList<AttributeInfo> attributes = ManifestReader.ReadAttributes(JsonReader.Read(new ArraySegment<byte>(payloads[0])));
+            payloads.RemoveAt(0);
             var mesh = new SegmentMesh();
             long bytes = 0;
             long faces = 0;
@@ -28,7 +31,7 @@ namespace Terraport.Tools
                 faces = 0;
                 foreach (byte[] payload in payloads)
                 {
-                    decoder.Decode(new ArraySegment<byte>(payload), mesh);
+                    decoder.Decode(new ArraySegment<byte>(payload), attributes, mesh);
                     bytes += payload.Length;
                     faces += mesh.FaceCount;
                 }
@@ -43,7 +46,7 @@ namespace Terraport.Tools
             long before = GC.GetAllocatedBytesForCurrentThread();
             do
             {
-                for (int at = 0; at < payloads.Count; at++) decoder.Decode(new ArraySegment<byte>(payloads[at]), mesh);
+                for (int at = 0; at < payloads.Count; at++) decoder.Decode(new ArraySegment<byte>(payloads[at]), attributes, mesh);
                 rounds++;
                 elapsed = watch.Elapsed.TotalSeconds;
             }
@@ -74,14 +77,14 @@ namespace Terraport.Tools
             return after - before;
         }
 
-        private static List<byte[]> ReadPayloads(string path)
+        private static List<byte[]> ReadRecords(string path)
         {
-            var payloads = new List<byte[]>();
+            var records = new List<byte[]>();
             using (var reader = new BinaryReader(File.OpenRead(path)))
             {
-                while (reader.BaseStream.Position < reader.BaseStream.Length) payloads.Add(reader.ReadBytes((int)reader.ReadUInt32()));
+                while (reader.BaseStream.Position < reader.BaseStream.Length) records.Add(reader.ReadBytes((int)reader.ReadUInt32()));
             }
-            return payloads;
+            return records;
         }
     }
 }

@@ -3,6 +3,7 @@ using System.Collections.Generic;
 using System.Diagnostics;
 using System.IO;
 using System.Threading;
+using System.Threading.Tasks;
 
 namespace Terraport.Tools
 {
@@ -12,6 +13,7 @@ namespace Terraport.Tools
     /// </summary>
     internal sealed class Land
     {
+        private const int MaxManifestBytes = 1 << 22;
         private readonly LandRequest request;
         private readonly ISceneStream stream;
         private readonly StagedVisit staged;
@@ -32,6 +34,8 @@ namespace Terraport.Tools
         private int joined;
         private int called;
         private uint gathered;
+        /// <summary>That of the last reconnection with one.</summary>
+        private string newToken;
         private string refusedCode;
         private string closedCode;
         private string failure;
@@ -118,6 +122,7 @@ namespace Terraport.Tools
                 case "stand": staged.Stand(step.Position(0)); break;
                 case "reconnect":
                     closedCode = null;
+                    if (step.Argument.Length > 0) newToken = step.Argument;
                     stream.Reconnect(step.Argument.Length == 0 ? null : step.Argument);
                     break;
             }
@@ -213,6 +218,8 @@ namespace Terraport.Tools
             var json = new JsonText();
             var decoder = new SegmentDecoder();
             var mesh = new SegmentMesh();
+            IReadOnlyList<AttributeInfo> attributes = heldIds.Count > 0 ? FetchAttributes() : null;
+            if (attributes == null) return json.Open('{').Close('}').ToString();
             json.Open('{');
             foreach (uint segment in heldIds)
             {
@@ -223,7 +230,7 @@ namespace Terraport.Tools
                     json.Key(segment.ToString());
                     try
                     {
-                        decoder.Decode(payload.Bytes, mesh);
+                        decoder.Decode(payload.Bytes, attributes, mesh);
                     }
                     catch (PayloadException error)
                     {
@@ -239,9 +246,27 @@ namespace Terraport.Tools
             return json.Close('}').ToString();
         }
 
+        /// <summary>The scene's, which payloads do not describe; null where the manifest does not come, which is a failure of the visit.</summary>
+        private IReadOnlyList<AttributeInfo> FetchAttributes()
+        {
+            StreamOptions options = request.Stream;
+            string token = newToken ?? (options.TokenProvider == null ? options.Token : options.TokenProvider());
+            try
+            {
+                Task<HttpAnswer> fetch = new SystemHttp().GetAsync(options.SceneUrl, token, MaxManifestBytes, null, CancellationToken.None);
+                HttpAnswer answer = fetch.GetAwaiter().GetResult();
+                return ManifestReader.Read(new ArraySegment<byte>(answer.Body, 0, answer.Length), "visited").Attributes;
+            }
+            catch (TerraportException error)
+            {
+                failure = failure ?? error.Message;
+                return null;
+            }
+        }
+
         private void Dump(uint segment, ArraySegment<byte> bytes)
         {
-            string path = Path.Combine(request.DumpFolder, segment + "." + SegmentDecoder.Encoding);
+            string path = Path.Combine(request.DumpFolder, segment + ".tsg");
             using (FileStream file = File.Create(path)) file.Write(bytes.Array, bytes.Offset, bytes.Count);
         }
 

@@ -15,12 +15,16 @@ namespace Terraport.Tools
         /// <summary>Of what the corpus rounds to six digits.</summary>
         private const double Rounded = 4e-6;
 
+        /// <summary>Of normals of segments, which become the codes of a GPU's vertex.</summary>
+        private const double NormalCode = 1.0 / 127;
+
         private readonly string folder;
 
         /// <summary>One for all cases: buffers that an earlier payload filled must not show through.</summary>
         private readonly SegmentMesh mesh = new SegmentMesh();
 
-        private readonly SegmentDecoder decoder = new SegmentDecoder();
+        private readonly SegmentDecoder segments = new SegmentDecoder();
+        private readonly GlbDecoder bases = new GlbDecoder();
 
         public PayloadCorpus(string folder) { this.folder = folder; }
 
@@ -42,11 +46,15 @@ namespace Terraport.Tools
         {
             string path = Path.Combine(folder, name);
             JsonValue expected = JsonReader.Read(new ArraySegment<byte>(File.ReadAllBytes(path + ".json")));
-            bool isGood;
+            bool isGood, isSegment = name.EndsWith(".tsg", StringComparison.Ordinal);
             if (!expected["good"].TryFlag(out isGood)) return "its .json does not say whether it is good";
             try
             {
-                decoder.Decode(new ArraySegment<byte>(File.ReadAllBytes(path)), mesh);
+                var bytes = new ArraySegment<byte>(File.ReadAllBytes(path));
+                if (isSegment)
+                    segments.Decode(bytes, ManifestReader.ReadAttributes(expected["scales"]), mesh);
+                else
+                    bases.Decode(bytes, mesh);
             }
             // No other exception is caught: one would end the program, and the test sees it.
             catch (PayloadException error)
@@ -54,15 +62,15 @@ namespace Terraport.Tools
                 return isGood ? "refused: " + error.Message : null;
             }
             if (!isGood) return "was taken; expected: " + expected["error"].Text;
-            return Difference(new MeshArrays(mesh), expected);
+            return Difference(new MeshArrays(mesh), expected, isSegment ? NormalCode : Rounded);
         }
 
-        private static string Difference(MeshArrays decoded, JsonValue expected)
+        private static string Difference(MeshArrays decoded, JsonValue expected, double ofNormals)
         {
             // Exact, but for what passes through a root or was rounded when the corpus was written.
             return Apart("positions", decoded.Positions, expected["positions"], 0)
                 ?? Apart("faces", Doubles(decoded.Indices), expected["faces"], 0)
-                ?? Apart("normals", decoded.Normals, expected["normals"], Rounded)
+                ?? Apart("normals", decoded.Normals, expected["normals"], ofNormals)
                 ?? Apart("colours", decoded.Colours == null ? null : Doubles(decoded.Colours), expected["colours"], 0)
                 ?? Apart("region_ids", decoded.RegionIds == null ? null : Doubles(decoded.RegionIds), expected["region_ids"], 0)
                 ?? Apart("uvs", decoded.Uvs, expected["uvs"], Rounded) ?? Attributes(decoded, expected["attributes"])

@@ -13,7 +13,7 @@ namespace Terraport.Disk
     /// beside and renamed. Bounded in bytes; what was used longest ago goes first. Nothing here throws: a disk that is full, damaged or
     /// read-only keeps less, or nothing.
     /// </summary>
-    /// <remarks>FOLDER/(16 digits: XXH3-64 of the scene's URL)/(segment)-(16 digits: XXH3-64).glb. Every method blocks. One thread at a time;
+    /// <remarks>FOLDER/(16 digits: XXH3-64 of the scene's URL)/(segment)-(16 digits: XXH3-64).segment-2. Every method blocks. One thread at a time;
     /// several processes may share a folder.</remarks>
     public sealed class DiskCache
     {

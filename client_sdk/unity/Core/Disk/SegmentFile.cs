@@ -59,6 +59,6 @@ namespace Terraport.Disk
                 && uint.TryParse(name.Substring(0, dash), out segment);
         }
 
-        private const string Ending = ".glb";
+        private const string Ending = "." + SegmentDecoder.Encoding;
     }
 }

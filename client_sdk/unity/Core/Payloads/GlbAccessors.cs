@@ -18,8 +18,6 @@ namespace Terraport
         private const int VertexExpansion = 64;
         private const byte VertexHeader = 0xA0;
         private const byte IndexHeader = 0xE1;
-        /// <summary>What 4096 x 4096 pixels take uncompressed.</summary>
-        private const int MaxImageBytes = 1 << 26;
         private const int MaxRows = 1 << 27;
 
         private readonly GlbDocument document;
@@ -125,9 +123,9 @@ namespace Terraport
             const string label = "image";
             int view = document.Pick("bufferViews", viewNumber, "bufferView", label);
             length = document.ExpectWhole(document.Tape.Find(view, "byteLength"), "byteLength", label, 1);
-            if (length > MaxImageBytes)
+            if (length > MeshImage.MaxBytes)
             {
-                throw new PayloadException("image of " + length + " bytes, expected at most " + MaxImageBytes);
+                throw new PayloadException("image of " + length + " bytes, expected at most " + MeshImage.MaxBytes);
             }
             // An image is compressed by its own format.
             if (document.Find(document.OptionalObject(view, "extensions"), Meshopt) >= 0)

@@ -4,8 +4,8 @@ using Terraport.Json;
 namespace Terraport
 {
     /// <summary>
-    /// GLB payloads and the base mesh to meshes (scene format, section 9); safe on hostile bytes. One decoder serves one thread; it
-    /// keeps its scratch memory, so that decoding allocates nothing once that and the mesh's buffers are large enough.
+    /// The base mesh, a GLB, to a mesh (scene format, sections 8 and 9); safe on hostile bytes. One decoder serves one thread; it keeps its
+    /// scratch memory, so that decoding allocates nothing once that and the mesh's buffers are large enough.
     /// </summary>
     public sealed class GlbDecoder
     {
@@ -19,12 +19,11 @@ namespace Terraport
         /// <summary>A decoder with no scratch memory yet.</summary>
         public GlbDecoder() { accessors = new GlbAccessors(document); }
 
-        /// <summary>Decode a payload; arrays stay quantised. The bytes are only read, and nothing of them is kept.</summary>
+        /// <summary>Decode a GLB; arrays stay quantised. The bytes are only read, and nothing of them is kept.</summary>
         /// <param name="payload">The whole GLB.</param>
-        /// <param name="isBase">The base mesh: its image may have sides of 4096, a segment's 2048.</param>
         /// <param name="into">Holds the result; empty where the payload is refused.</param>
         /// <exception cref="PayloadException">For anything that is not a whole GLB of the profile: never another exception.</exception>
-        public void Decode(ArraySegment<byte> payload, bool isBase, SegmentMesh into)
+        public void Decode(ArraySegment<byte> payload, SegmentMesh into)
         {
             if (payload.Array == null || into == null)
             {
@@ -36,7 +35,7 @@ namespace Terraport
             try
             {
                 document.Read(payload);
-                Fill(into, isBase);
+                Fill(into);
                 isComplete = true;
             }
             finally
@@ -50,7 +49,7 @@ namespace Terraport
             }
         }
 
-        private void Fill(SegmentMesh mesh, bool isBase)
+        private void Fill(SegmentMesh mesh)
         {
             JsonTape tape = document.Tape;
             // 1. The frame: one mesh of one primitive of triangles, under one node.
@@ -92,7 +91,7 @@ namespace Terraport
             if (hasTexture)
             {
                 ReadUvs(mesh, tape.Find(names, "TEXCOORD_0"), texture);
-                ReadImage(mesh.Image, texture, isBase);
+                ReadImage(mesh.Image, texture);
             }
         }
 
@@ -148,8 +147,7 @@ namespace Terraport
                 // Four entries a vertex: glTF pads rows to multiples of four bytes.
                 mesh.PositionCodes = Grow.To(mesh.PositionCodes, rows.Count * 4);
                 Copy(rows, 8, mesh.PositionCodes);
-                MeshChecks.CodeBounds(mesh.PositionCodes, rows.Count, mesh.CodeBounds);
-                mesh.Bounds = BoundsOf(mesh);
+                MeshChecks.Place(mesh);
                 return;
             }
             // Floats are metres of the scene frame as they are; a transform over them would round.
@@ -170,29 +168,6 @@ namespace Terraport
             }
             MeshChecks.Finite(mesh.Positions, rows.Count * 3, "positions");
             mesh.Bounds = MeshChecks.BoundsOf(mesh.Positions, rows.Count);
-        }
-
-        /// <summary>The box in metres; codes are placed as a GPU places them.</summary>
-        private static Box BoundsOf(SegmentMesh mesh)
-        {
-            ushort[] codes = mesh.CodeBounds;
-            Vec3 translation = mesh.Translation;
-            double step = mesh.StepM;
-            return new Box(ToFloat32(translation.X + step * codes[0]), ToFloat32(translation.Y + step * codes[1]),
-                ToFloat32(translation.Z + step * codes[2]), ToFloat32(translation.X + step * codes[3]),
-                ToFloat32(translation.Y + step * codes[4]), ToFloat32(translation.Z + step * codes[5]));
-        }
-
-        /// <summary>A coordinate in float32, metres.</summary>
-        private static float ToFloat32(double metres)
-        {
-            // In double until here: one rounding to float32, as a GPU would place it.
-            float value = (float)metres;
-            if (value - value != 0)
-            {
-                throw new PayloadException("a position beyond float32, expected finite numbers");
-            }
-            return value;
         }
 
         private void ReadIndices(SegmentMesh mesh, int number)
@@ -298,7 +273,7 @@ namespace Terraport
             }
         }
 
-        private void ReadImage(MeshImage image, GlbTexture texture, bool isBase)
+        private void ReadImage(MeshImage image, GlbTexture texture)
         {
             int length;
             int start = accessors.Image(texture.View, out length);
@@ -308,7 +283,7 @@ namespace Terraport
                 throw new PayloadException("image is " + header.MediaType + ", expected " + texture.MediaType + " by mimeType");
             }
             // By the header alone: the file itself is decoded by the engine, which must not meet a bomb.
-            header.CheckSides(isBase);
+            header.CheckSides(ImageHeader.MaxBaseSide);
             image.Set(document.Bytes, start, length, header);
         }
 

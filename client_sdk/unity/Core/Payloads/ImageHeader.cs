@@ -7,8 +7,9 @@ namespace Terraport
     /// </summary>
     internal struct ImageHeader
     {
-        private const int MaxBaseSide = 4096;
-        private const int MaxSegmentSide = 2048;
+        /// <summary>Pixels of a side of the base's image at most, and of a segment's.</summary>
+        internal const uint MaxBaseSide = 4096, MaxSegmentSide = 2048;
+
         private const int UncompressedBits = 32;
         private const int BasisLz = 1; // The scheme of ETC1S; UASTC has others.
         private static readonly byte[] JpegStart = { 0xFF, 0xD8, 0xFF };
@@ -72,10 +73,9 @@ namespace Terraport
             return header;
         }
 
-        /// <summary>Check the sides: powers of two, at most 2048 in a segment and 4096 in a base.</summary>
-        internal void CheckSides(bool isBase)
+        /// <summary>Check the sides: powers of two, none above a bound.</summary>
+        internal void CheckSides(uint maxSide)
         {
-            uint maxSide = isBase ? (uint)MaxBaseSide : MaxSegmentSide;
             if (!IsSide(Width, maxSide) || !IsSide(Height, maxSide))
             {
                 throw new PayloadException("image of " + Width + " x " + Height + " pixels, expected powers of two, at most " + maxSide);

@@ -53,8 +53,32 @@ namespace Terraport
             }
         }
 
+        /// <summary>Bounds of positions that are codes: the codes' own, and the box in metres, placed as a GPU places them.</summary>
+        internal static void Place(SegmentMesh mesh)
+        {
+            ushort[] codes = mesh.CodeBounds;
+            CodeBounds(mesh.PositionCodes, mesh.VertexCount, codes);
+            Vec3 translation = mesh.Translation;
+            double step = mesh.StepM;
+            mesh.Bounds = new Box(ToFloat32(translation.X + step * codes[0]), ToFloat32(translation.Y + step * codes[1]),
+                ToFloat32(translation.Z + step * codes[2]), ToFloat32(translation.X + step * codes[3]),
+                ToFloat32(translation.Y + step * codes[4]), ToFloat32(translation.Z + step * codes[5]));
+        }
+
+        /// <summary>A coordinate in float32, metres.</summary>
+        private static float ToFloat32(double metres)
+        {
+            // In double until here: one rounding to float32, as a GPU would place it.
+            float value = (float)metres;
+            if (value - value != 0)
+            {
+                throw new PayloadException("a position beyond float32, expected finite numbers");
+            }
+            return value;
+        }
+
         /// <summary>Lowest and highest code along each axis of four entries a vertex, into x y z x y z.</summary>
-        internal static void CodeBounds(ushort[] codes, int vertices, ushort[] bounds)
+        private static void CodeBounds(ushort[] codes, int vertices, ushort[] bounds)
         {
             // Locals, not the array: it could be the codes themselves to the compiler.
             int minX = 65535, minY = 65535, minZ = 65535, maxX = 0, maxY = 0, maxZ = 0;

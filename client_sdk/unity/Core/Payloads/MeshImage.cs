@@ -5,6 +5,9 @@ namespace Terraport
     /// <summary>The image file of a mesh, its header checked. The buffer is reused: only the first Length bytes count.</summary>
     public sealed class MeshImage
     {
+        /// <summary>Bytes of a file at most: what 4096 x 4096 pixels take uncompressed.</summary>
+        internal const int MaxBytes = 1 << 26;
+
         /// <summary>The file as it is, in a buffer of the mesh: valid until the next decode into it.</summary>
         public byte[] Bytes { get; internal set; }
 

@@ -2,7 +2,7 @@ using System;
 
 namespace Terraport
 {
-    /// <summary>The two filters of EXT_meshopt_compression that scenes use.</summary>
+    /// <summary>The two filters of EXT_meshopt_compression that scenes use; segments fold normals as the first does.</summary>
     internal static unsafe class MeshoptFilters
     {
         /// <summary>Size of the octahedron that writers use: all 8 bits.</summary>
@@ -37,6 +37,9 @@ namespace Terraport
                 }
             }
         }
+
+        /// <summary>What <see cref="Octahedral"/> makes of a row of that size: x, y, z, the lowest byte first.</summary>
+        internal static uint Unfolded(byte x, byte y) { return FullResults[x | y << 8]; }
 
         /// <summary>
         /// EXPONENTIAL: 8 bits of exponent over 24 bits of mantissa, both signed, become float32; as they are read, not

@@ -9,6 +9,8 @@ namespace Terraport
     public static class ManifestReader
     {
         private const string Major = "1";
+        /// <summary>Highest code of an attribute that is a value.</summary>
+        private const int MaxCode = 65534;
 
         /// <summary>Read a manifest; keys that are not known are skipped.</summary>
         /// <param name="text">UTF-8 JSON.</param>
@@ -63,7 +65,7 @@ namespace Terraport
             JsonValue files = SceneJson.ExpectObject(json["files"], "files");
             JsonValue encodings = SceneJson.ExpectObject(json["encodings"], "encodings");
             // The one encoding that this client decodes must be among them.
-            SceneJson.ExpectObject(encodings["glb"], "encodings.glb");
+            SceneJson.ExpectObject(encodings[SegmentDecoder.Encoding], "encodings." + SegmentDecoder.Encoding);
             Vec3 origin = SceneJson.ExpectTriple(json["origin"], "origin");
             JsonValue bounds = SceneJson.ExpectObject(json["bounds"], "bounds");
             var manifest = new SceneManifest {
@@ -130,15 +132,24 @@ namespace Terraport
             return length >= 0 ? length : throw SceneJson.Wrong(value, "hand_off.deviation_m", "a length");
         }
 
-        private static IReadOnlyList<AttributeInfo> ReadAttributes(JsonValue list)
+        /// <summary>The survey's attributes: the list that a manifest has of them.</summary>
+        /// <exception cref="PayloadException">A row is not what it should be.</exception>
+        public static IReadOnlyList<AttributeInfo> ReadAttributes(JsonValue list)
         {
             var attributes = new AttributeInfo[SceneJson.ExpectList(list, "attributes").Count];
             for (int at = 0; at < attributes.Length; at++)
             {
                 JsonValue row = SceneJson.ExpectObject(list[at], "attribute");
                 string name = SceneJson.ExpectText(row["name"], "name of an attribute");
+                double offset = SceneJson.ExpectNumber(row["offset"], "offset of " + name);
+                double step = SceneJson.ExpectNumber(row["step"], "step of " + name);
+                // Both ends of the range are checked once, so that no value needs a check.
+                if (!(step > 0 && Math.Abs(offset) <= float.MaxValue && Math.Abs(offset + step * MaxCode) <= float.MaxValue))
+                {
+                    throw SceneJson.Wrong(row["step"], "step of " + name, "a number above 0 and all values within float32");
+                }
                 // An attribute that has no value anywhere has no extremes.
-                attributes[at] = new AttributeInfo(name, Extreme(row["min"], name), Extreme(row["max"], name));
+                attributes[at] = new AttributeInfo(name, offset, step, Extreme(row["min"], name), Extreme(row["max"], name));
             }
             return attributes;
         }

@@ -150,7 +150,7 @@ namespace Terraport
             try
             {
                 var mesh = new SegmentMesh();
-                new GlbDecoder().Decode(glb, true, mesh);
+                new GlbDecoder().Decode(glb, mesh);
                 // Both files are whole, and yet may be of two builds: the cover is only valid over this very base.
                 if (mesh.FaceCount != manifest.BaseFaces)
                 {

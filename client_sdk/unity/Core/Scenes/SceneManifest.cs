@@ -40,7 +40,7 @@ namespace Terraport
         /// <summary>Highest corner of all segments and the base, metres, scene frame.</summary>
         public Vec3 BoundsMax { get; internal set; }
 
-        /// <summary>The survey's attributes.</summary>
+        /// <summary>The survey's attributes, in the order by which segments name theirs.</summary>
         public IReadOnlyList<AttributeInfo> Attributes { get; internal set; }
 
         /// <summary>Number of segments: the ids of full detail are below it, those of the coarser level from it on.</summary>
@@ -67,7 +67,7 @@ namespace Terraport
         /// <summary>How far the base is drawn pushed back along the line of sight, metres.</summary>
         public double DeviationM { get; internal set; }
 
-        /// <summary>Names of the encodings that payloads come in; "glb" is among them.</summary>
+        /// <summary>Names of the encodings that payloads come in; "segment-2" is among them.</summary>
         public IReadOnlyList<string> Encodings { get; internal set; }
 
         /// <summary>Length and hash of base.glb.</summary>

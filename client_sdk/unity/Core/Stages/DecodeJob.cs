@@ -1,4 +1,5 @@
 using System;
+using System.Collections.Generic;
 
 namespace Terraport
 {
@@ -9,6 +10,8 @@ namespace Terraport
         internal uint Segment;
         /// <summary>The stage's number of the scene version that asked: results of an earlier one are dropped.</summary>
         internal int Epoch;
+        /// <summary>Those of the scene version that asked.</summary>
+        internal IReadOnlyList<AttributeInfo> Attributes;
         /// <summary>Owned by the job; released by <see cref="Run"/>, or by its queue where that is disposed of first.</summary>
         internal PinnedPayload Payload;
 
@@ -23,7 +26,7 @@ namespace Terraport
             var result = new DecodeResult { Segment = Segment, Epoch = Epoch };
             try
             {
-                decoder.Decode(Payload.Bytes, mesh);
+                decoder.Decode(Payload.Bytes, Attributes, mesh);
                 if (afterDecode != null)
                 {
                     afterDecode(mesh);

@@ -41,13 +41,13 @@ namespace Terraport
         }
 
         /// <inheritdoc/>
-        public void Enqueue(uint segment, int epoch, PinnedPayload payload)
+        public void Enqueue(uint segment, int epoch, IReadOnlyList<AttributeInfo> attributes, PinnedPayload payload)
         {
             lock (jobs)
             {
                 if (!isDisposed)
                 {
-                    jobs.Enqueue(new DecodeJob { Segment = segment, Epoch = epoch, Payload = payload });
+                    jobs.Enqueue(new DecodeJob { Segment = segment, Epoch = epoch, Attributes = attributes, Payload = payload });
                     Monitor.Pulse(jobs);
                     return;
                 }

@@ -1,4 +1,5 @@
 using System;
+using System.Collections.Generic;
 
 namespace Terraport
 {
@@ -7,8 +8,8 @@ namespace Terraport
     /// </summary>
     public interface IDecodeQueue : IDisposable
     {
-        /// <summary>Decode a payload; it is disposed of when that is done, on whatever thread.</summary>
-        void Enqueue(uint segment, int epoch, PinnedPayload payload);
+        /// <summary>Decode a payload of a scene with these attributes; it is disposed of when that is done, on whatever thread.</summary>
+        void Enqueue(uint segment, int epoch, IReadOnlyList<AttributeInfo> attributes, PinnedPayload payload);
 
         /// <summary>Take a finished one; false where none is.</summary>
         bool TryTake(out DecodeResult result);

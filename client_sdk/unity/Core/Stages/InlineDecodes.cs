@@ -17,9 +17,9 @@ namespace Terraport
         public InlineDecodes(Action<SegmentMesh> afterDecode = null) { this.afterDecode = afterDecode; }
 
         /// <inheritdoc/>
-        public void Enqueue(uint segment, int epoch, PinnedPayload payload)
+        public void Enqueue(uint segment, int epoch, IReadOnlyList<AttributeInfo> attributes, PinnedPayload payload)
         {
-            jobs.Enqueue(new DecodeJob { Segment = segment, Epoch = epoch, Payload = payload });
+            jobs.Enqueue(new DecodeJob { Segment = segment, Epoch = epoch, Attributes = attributes, Payload = payload });
         }
 
         /// <inheritdoc/>

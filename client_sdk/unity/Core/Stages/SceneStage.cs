@@ -52,7 +52,7 @@ namespace Terraport
             AutoShow = this.options.AutoShow;
             ShowsCoarse = this.options.ShowsCoarse;
             residency = new Residency(this.options);
-            uploads = new StageUploads(residency, stream, renderer, decoders, RaiseDecodeFailed);
+            uploads = new StageUploads(residency, stream, renderer, decoders, RaiseDecodeFailed) { Attributes = files.Manifest.Attributes };
             baseFaces = new BaseFaces(files, renderer, this.options.BaseBlockFaces);
         }
 
@@ -222,6 +222,7 @@ namespace Terraport
             }
             files = newFiles;
             nextBase = new BaseFaces(files, renderer, options.BaseBlockFaces);
+            uploads.Attributes = files.Manifest.Attributes;
             NeedsFiles = false;
         }
 
@@ -259,6 +260,7 @@ namespace Terraport
             NeedsFiles = NeededVersion != files.Manifest.Version;
             // The files may be those of the new version already: loaded before the session was opened.
             nextBase = NeedsFiles ? null : new BaseFaces(files, renderer, options.BaseBlockFaces);
+            uploads.Attributes = NeedsFiles ? null : files.Manifest.Attributes;
             isBaseUploaded = false;
             IsBaseDrawn = false;
         }

@@ -31,6 +31,9 @@ namespace Terraport
             this.onFailed = onFailed;
         }
 
+        /// <summary>The scene's, by which payloads are decoded; null while the files of their version are not here: they wait.</summary>
+        internal IReadOnlyList<AttributeInfo> Attributes { get; set; }
+
         /// <summary>Segments that the renderer has, in whole or in part.</summary>
         internal int Count => uploaded.Count;
 
@@ -47,13 +50,13 @@ namespace Terraport
         internal void AskForDecodes()
         {
             uint segment;
-            while (residency.TryTakeDecode(out segment))
+            while (Attributes != null && residency.TryTakeDecode(out segment))
             {
                 PinnedPayload payload;
                 // Pinned until it is decoded: the cache may let go of the segment meanwhile.
                 if (stream.TryPin(segment, out payload))
                 {
-                    decoders.Enqueue(segment, residency.Epoch, payload);
+                    decoders.Enqueue(segment, residency.Epoch, Attributes, payload);
                 }
                 else
                 {

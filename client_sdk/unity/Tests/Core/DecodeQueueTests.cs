@@ -1,6 +1,5 @@
 using System;
 using System.Collections.Generic;
-using System.IO;
 using System.Threading;
 using NUnit.Framework;
 using Terraport.Sessions;
@@ -11,7 +10,9 @@ namespace Terraport.Tests
     [TestFixture]
     public class DecodeQueueTests
     {
-        private static readonly byte[] Good = File.ReadAllBytes(Repository.PathTo("tests/conformance/scene/payload/good-full.glb"));
+        private static readonly CorpusPayload Payload = new CorpusPayload("good-attributes.tsg");
+        private static readonly byte[] Good = Payload.Bytes;
+        private static readonly IReadOnlyList<AttributeInfo> Attributes = Payload.Attributes;
 
         [Test]
         public void Threads_DecodeEverything()
@@ -39,8 +40,8 @@ namespace Terraport.Tests
                        { throw new InvalidOperationException("mine"); }))
             {
                 var pool = new PayloadPool();
-                queue.Enqueue(1, 0, Pin(pool, Good));
-                queue.Enqueue(2, 0, Pin(pool, Good));
+                queue.Enqueue(1, 0, Attributes, Pin(pool, Good));
+                queue.Enqueue(2, 0, Attributes, Pin(pool, Good));
                 for (int at = 0; at < 2; at++)
                 {
                     DecodeResult result = Take(queue);
@@ -63,13 +64,13 @@ namespace Terraport.Tests
                 var queue = new DecodeThreads(1, mesh => gate.WaitOne());
                 for (uint segment = 0; segment < 10; segment++)
                 {
-                    queue.Enqueue(segment, 0, Pin(pool, Good));
+                    queue.Enqueue(segment, 0, Attributes, Pin(pool, Good));
                 }
                 Assert.AreEqual(0, pool.IdleBytes);
                 gate.Set();
                 queue.Dispose();
                 Assert.AreEqual(10 * size, pool.IdleBytes);
-                queue.Enqueue(11, 0, Pin(pool, Good));
+                queue.Enqueue(11, 0, Attributes, Pin(pool, Good));
             }
             Assert.AreEqual(10 * size, pool.IdleBytes, "a queue that was disposed of lets go at once");
         }
@@ -80,7 +81,7 @@ namespace Terraport.Tests
             var seen = new HashSet<uint>();
             for (uint segment = 0; segment < 100; segment++)
             {
-                queue.Enqueue(segment, 7, Pin(pool, segment % 4 == 3 ? new byte[64] : Good));
+                queue.Enqueue(segment, 7, Attributes, Pin(pool, segment % 4 == 3 ? new byte[64] : Good));
             }
             for (int count = 0; count < 100; count++)
             {

@@ -97,7 +97,7 @@ namespace Terraport.Tests
         [Test]
         public void WhatIsNotOursStays()
         {
-            string foreign = Path.Combine(folder, "photos", "1-0123456789abcdef.glb");
+            string foreign = Path.Combine(folder, "photos", "1-0123456789abcdef.segment-2");
             Directory.CreateDirectory(Path.GetDirectoryName(foreign));
             File.WriteAllBytes(foreign, new byte[5000]);
             DiskCache cache = Open(3000);
@@ -158,7 +158,7 @@ namespace Terraport.Tests
 
         private string[] Files()
         {
-            string[] files = Directory.GetFiles(folder, "*.glb", SearchOption.AllDirectories);
+            string[] files = Directory.GetFiles(folder, "*.segment-2", SearchOption.AllDirectories);
             Array.Sort(files, StringComparer.Ordinal);
             return files;
         }

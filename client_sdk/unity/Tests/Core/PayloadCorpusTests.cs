@@ -1,5 +1,4 @@
 using System;
-using System.Collections.Generic;
 using System.IO;
 using System.Security.Cryptography;
 using NUnit.Framework;
@@ -20,47 +19,57 @@ namespace Terraport.Tests
         [Test]
         public void Corpus_IsReadAndRefused()
         {
-            string folder = Repository.PathTo("tests/conformance/scene/payload");
             int good = 0;
             int bad = 0;
-            // One decoder and one mesh for all: nothing of a payload may be left over in the next.
-            var decoder = new SegmentDecoder();
+            // One mesh for all: nothing of a payload may be left over in the next.
             var mesh = new SegmentMesh();
-            foreach (string path in Directory.GetFiles(folder, "*.glb"))
+            foreach (CorpusPayload payload in CorpusPayload.All(""))
             {
-                JsonValue expected = JsonReader.Read(new ArraySegment<byte>(File.ReadAllBytes(path + ".json")));
-                var payload = new ArraySegment<byte>(File.ReadAllBytes(path));
+                var bytes = new ArraySegment<byte>(payload.Bytes);
                 bool isGood;
-                expected["good"].TryFlag(out isGood);
+                payload.Expected["good"].TryFlag(out isGood);
                 if (isGood)
                 {
-                    decoder.Decode(payload, mesh);
-                    CheckMesh(mesh, expected, Path.GetFileName(path));
+                    payload.Decode(bytes, mesh);
+                    CheckMesh(mesh, payload.Expected, payload.Name);
                     good++;
                 }
                 else
                 {
-                    Assert.Throws<PayloadException>(() => decoder.Decode(payload, mesh), Path.GetFileName(path));
-                    Assert.AreEqual(0, mesh.VertexCount, "something is left of " + Path.GetFileName(path));
+                    Assert.Throws<PayloadException>(() => payload.Decode(bytes, mesh), payload.Name);
+                    Assert.AreEqual(0, mesh.VertexCount, "something is left of " + payload.Name);
                     bad++;
                 }
             }
-            Assert.GreaterOrEqual(good, 9);
-            Assert.GreaterOrEqual(bad, 18);
+            Assert.GreaterOrEqual(good, 25);
+            Assert.GreaterOrEqual(bad, 47);
         }
 
-        [Test]
-        public void Payload_InTheMiddleOfAnArray_IsTheSame()
+        [TestCase("good-full.glb")]
+        [TestCase("good-attributes.tsg")]
+        [TestCase("good-jpeg.tsg")]
+        public void Payload_InTheMiddleOfAnArray_IsTheSame(string name)
         {
-            byte[] bytes = File.ReadAllBytes(Repository.PathTo("tests/conformance/scene/payload/good-full.glb"));
-            var larger = new byte[bytes.Length + 20];
-            Buffer.BlockCopy(bytes, 0, larger, 7, bytes.Length);
+            var payload = new CorpusPayload(name);
+            var larger = new byte[payload.Bytes.Length + 20];
+            Buffer.BlockCopy(payload.Bytes, 0, larger, 7, payload.Bytes.Length);
             var mesh = new SegmentMesh();
-            new GlbDecoder().Decode(new ArraySegment<byte>(larger, 7, bytes.Length), false, mesh);
-            CheckMesh(mesh,
-                JsonReader.Read(
-                    new ArraySegment<byte>(File.ReadAllBytes(Repository.PathTo("tests/conformance/scene/payload/good-full.glb.json")))),
-                "moved");
+            payload.Decode(new ArraySegment<byte>(larger, 7, payload.Bytes.Length), mesh);
+            CheckMesh(mesh, payload.Expected, "moved " + name);
+        }
+
+        [TestCase("plain.tsg")]
+        [TestCase("colours.tsg")]
+        [TestCase("image.tsg")]
+        public void Segment_OfBefore_IsRead(string name)
+        {
+            byte[] bytes = File.ReadAllBytes(Repository.PathTo("tests/payload/golden_segments/" + name));
+            var mesh = new SegmentMesh();
+            new SegmentDecoder().Decode(new ArraySegment<byte>(bytes), new CorpusPayload("good-attribute.tsg").Attributes, mesh);
+            Assert.AreEqual(50, mesh.FaceCount);
+            Assert.AreEqual(name == "colours.tsg", mesh.HasColours);
+            Assert.AreEqual(name == "image.tsg", mesh.HasTexture);
+            Assert.AreEqual(name == "plain.tsg" ? 0 : 1, mesh.Attributes.Count);
         }
 
         private static void CheckMesh(SegmentMesh mesh, JsonValue expected, string name)

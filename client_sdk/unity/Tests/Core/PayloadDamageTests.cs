@@ -1,6 +1,8 @@
 using System;
 using System.Collections.Generic;
 using System.IO;
+using System.IO.Compression;
+using System.Linq;
 using System.Text;
 using NUnit.Framework;
 
@@ -15,30 +17,65 @@ namespace Terraport.Tests
         [Test]
         public void Damage_IsRefusedOrHarmless()
         {
-            var decoder = new SegmentDecoder();
             var mesh = new SegmentMesh();
             var noise = new Noise(7);
             int refused = 0;
-            foreach (string path in Directory.GetFiles(Repository.PathTo("tests/conformance/scene/payload"), "good-*.glb"))
+            foreach (CorpusPayload payload in CorpusPayload.All("good-"))
             {
-                byte[] whole = File.ReadAllBytes(path);
                 for (int round = 0; round < Rounds; round++)
                 {
-                    byte[] damaged = Damaged(whole, noise);
-                    try
-                    {
-                        decoder.Decode(new ArraySegment<byte>(damaged), mesh);
-                        CheckHarmless(mesh);
-                    }
-                    catch (PayloadException)
-                    {
-                        // Refused means empty: nothing of it can be drawn.
-                        Assert.AreEqual(0, mesh.VertexCount);
-                        refused++;
-                    }
+                    refused += CheckDamaged(payload, Damaged(payload.Bytes, noise), mesh);
                 }
             }
             Assert.Greater(refused, Rounds / 2, "the damage must matter");
+        }
+
+        [Test]
+        public void Damage_InsideTheChecksum_IsRefusedOrHarmless()
+        {
+            var mesh = new SegmentMesh();
+            var noise = new Noise(8);
+            int refused = 0, taken = 0;
+            foreach (CorpusPayload payload in CorpusPayload.All("good-"))
+            {
+                for (int round = 0; payload.IsSegment && round < Rounds; round++)
+                {
+                    int wasRefused = CheckDamaged(payload, WithStream(payload.Bytes, stream => Damaged(stream, noise)), mesh);
+                    refused += wasRefused;
+                    taken += 1 - wasRefused;
+                }
+            }
+            Assert.Greater(refused, Rounds, "the damage must matter");
+            Assert.Greater(taken, Rounds, "it must come past the head");
+        }
+
+        [Test]
+        public void Segment_CutAnywhere_IsRefused()
+        {
+            var payload = new CorpusPayload("good-jpeg.tsg");
+            var mesh = new SegmentMesh();
+            int packedBytes = BitConverter.ToInt32(payload.Bytes, 4);
+            for (int length = 0; length < payload.Bytes.Length; length++)
+            {
+                Assert.Throws<PayloadException>(() => payload.Decode(new ArraySegment<byte>(payload.Bytes, 0, length), mesh));
+            }
+            for (int cut = 1; cut < packedBytes; cut++)
+            {
+                // The lengths agree: it is the inflater that must notice, also where only the checksum is missing.
+                byte[] cutStream = Joined(payload.Bytes, payload.Bytes.Skip(12).Take(packedBytes - cut).ToArray());
+                Assert.Throws<PayloadException>(() => payload.Decode(new ArraySegment<byte>(cutStream), mesh), cut + " bytes less");
+            }
+        }
+
+        [Test]
+        public void Stream_WithoutBound_IsRefusedBeforeMemoryIsReserved()
+        {
+            var payload = new CorpusPayload("good-plain.tsg");
+            // Zeros: a bound of 2^28 bytes, and what the end states may be anything.
+            byte[] bomb = WithStream(payload.Bytes, stream => new byte[(1 << 28) + 1]);
+            Assert.Less(bomb.Length, 1 << 19);
+            var error = Assert.Throws<PayloadException>(() => payload.Decode(new ArraySegment<byte>(bomb), new SegmentMesh()));
+            Assert.IsTrue(error.Message.Contains("state a length"), error.Message);
         }
 
         [TestCase("{\"asset\":}")]
@@ -87,7 +124,45 @@ namespace Terraport.Tests
             }
         }
 
-        private static void Decode(byte[] glb) { new GlbDecoder().Decode(new ArraySegment<byte>(glb), false, new SegmentMesh()); }
+        private static void Decode(byte[] glb) { new GlbDecoder().Decode(new ArraySegment<byte>(glb), new SegmentMesh()); }
+
+        /// <summary>1 where it is refused, and then empty; 0 where it is decoded, and then harmless.</summary>
+        private static int CheckDamaged(CorpusPayload payload, byte[] damaged, SegmentMesh mesh)
+        {
+            try
+            {
+                payload.Decode(new ArraySegment<byte>(damaged), mesh);
+            }
+            catch (PayloadException)
+            {
+                Assert.AreEqual(0, mesh.VertexCount);
+                return 1;
+            }
+            CheckHarmless(mesh);
+            return 0;
+        }
+
+        /// <summary>A segment with another stream, its lengths and checksum right.</summary>
+        private static byte[] WithStream(byte[] segment, Func<byte[], byte[]> change)
+        {
+            var stream = new MemoryStream();
+            using (var packed = new MemoryStream(segment, 12, BitConverter.ToInt32(segment, 4))) using (
+                var inflater = new GZipStream(packed, CompressionMode.Decompress)) inflater.CopyTo(stream);
+            var changed = new MemoryStream();
+            using (var deflater = new GZipStream(changed, CompressionMode.Compress))
+            {
+                byte[] bytes = change(stream.ToArray());
+                deflater.Write(bytes, 0, bytes.Length);
+            }
+            return Joined(segment, changed.ToArray());
+        }
+
+        /// <summary>A segment with another gzip stream, and the lengths right.</summary>
+        private static byte[] Joined(byte[] segment, byte[] packed)
+        {
+            IEnumerable<byte> head = segment.Take(4).Concat(BitConverter.GetBytes(packed.Length)).Concat(segment.Skip(8).Take(4));
+            return head.Concat(packed).Concat(segment.Skip(12 + BitConverter.ToInt32(segment, 4))).ToArray();
+        }
 
         private static byte[] Glb(byte[] text)
         {

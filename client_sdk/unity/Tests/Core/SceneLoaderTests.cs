@@ -111,7 +111,7 @@ namespace Terraport.Tests
         [TestCase("\"deviation_m\"", "\"deviation_m\":-1,\"x\"", "damaged")]
         [TestCase("\"origin\"", "\"origin\":[1,2],\"x\"", "damaged")]
         [TestCase("\"has_colour\"", "\"has_colour\":1,\"x\"", "damaged")]
-        [TestCase("\"glb\"", "\"x\"", "damaged")]
+        [TestCase("\"segment-2\"", "\"x\"", "damaged")]
         [TestCase("\"counts\"", "\"levels\":3,\"counts\"", "damaged")]
         [TestCase("\"counts\"", "\"levels\":0,\"counts\"", "damaged")]
         public void Manifest_OutsideTheFormat_IsRefused(string from, string to, string code)

@@ -22,6 +22,7 @@ namespace Terraport.Tests
             Assert.IsTrue(bench.Stage.NeedsFiles);
             Assert.AreEqual(Newer, bench.Stage.NeededVersion);
             // The landing goes on in the new version, before its files are here.
+            int pins = bench.Stream.Pins;
             bench.Plan(landing, new uint[] { 2, 30 });
             bench.Arrive(landing, 2, 30);
             bench.Ready(landing, 2, 30);
@@ -29,6 +30,7 @@ namespace Terraport.Tests
             Assert.AreEqual(digest, bench.Stage.VisibleDigest, "what is shown stays until the new base is there");
             Assert.AreEqual(3, bench.Renderer.Uploaded, "of the old version all but what is shown is freed");
             Assert.AreEqual(LandingPhase.Streaming, bench.Stage.Status.Phase);
+            Assert.AreEqual(pins, bench.Stream.Pins, "payloads wait for the manifest by which they are decoded");
 
             bench.Stage.ReplaceFiles(StageBench.FilesOf("00000000000000000000000000000003", 5));
             Assert.IsTrue(bench.Stage.NeedsFiles, "files of a version that is not open are not taken");

@@ -11,7 +11,8 @@ namespace Terraport.Tests
         internal const int SegmentCount = 60;
         internal const int FaceCount = 500;
         // One payload for all: what a segment looks like does not matter to the stage.
-        private static readonly byte[] Payload = File.ReadAllBytes(Repository.PathTo("tests/conformance/scene/payload/good-full.glb"));
+        private static readonly CorpusPayload Segment = new CorpusPayload("good-attribute.tsg");
+        private static readonly byte[] Payload = Segment.Bytes;
 
         internal readonly FakeStream Stream = new FakeStream();
         internal readonly RecordingRenderer Renderer = new RecordingRenderer();
@@ -37,7 +38,7 @@ namespace Terraport.Tests
         {
             get {
                 var mesh = new SegmentMesh();
-                new GlbDecoder().Decode(new ArraySegment<byte>(Payload), false, mesh);
+                Segment.Decode(new ArraySegment<byte>(Payload), mesh);
                 return mesh.GpuBytes;
             }
         }

@@ -6,7 +6,7 @@ using System.Text;
 
 namespace Terraport.Tests
 {
-    /// <summary>Writes small GLB payloads without compression (scene format, section 9), for meshes that a test makes up.</summary>
+    /// <summary>Writes small GLBs without compression (scene format, section 9), for meshes that a test makes up.</summary>
     internal sealed class GlbFile
     {
         private const int ChunkBytes = 8;
@@ -57,11 +57,11 @@ namespace Terraport.Tests
             return this;
         }
 
-        /// <summary>Decode it into a mesh, as a stream's payload would be.</summary>
+        /// <summary>Decode it into a mesh.</summary>
         public SegmentMesh Decode()
         {
             SegmentMesh mesh = new SegmentMesh();
-            new SegmentDecoder().Decode(new ArraySegment<byte>(Bytes()), mesh);
+            new GlbDecoder().Decode(new ArraySegment<byte>(Bytes()), mesh);
             return mesh;
         }
 
