@@ -1,8 +1,8 @@
 """Bytes of base.cover in several forms: ``python benchmarks/covers.py SCENE...``.
 
-One row per form, one column per scene. The forms that were compared for decision 30; only
-``steps`` is in use. ``range coder`` is what an adaptive binary coder would make of the steps, from
-its probabilities (11 bits, shift 4, as LZMA's), without the few bytes that it ends with.
+One row per form, one column per scene. The forms that were compared; only ``steps`` is in use.
+``range coder`` is what an adaptive binary coder would make of the steps, from its probabilities (11
+bits, shift 4, as LZMA's), without the few bytes that it ends with.
 """
 
 from __future__ import annotations

@@ -70,7 +70,7 @@ def _pymeshlab(folder, vertices, faces, cameras):
 
 
 def _write_project(folder: Path, cameras) -> None:
-    """Cameras as MeshLab's project file gives them: see notes in benchmarks/results."""
+    """Write cameras in the form of a MeshLab project file."""
     lines = [
         "<!DOCTYPE MeshLabDocument>",
         "<MeshLabProject>",

@@ -6,7 +6,7 @@ more than about 64 n.
 
 Speed: NumPy's inner loop runs along the shortest stride, so an operation on (V, 3) is V loops of
 three steps; here every column is worked on by itself. Labels of errors are put together only where
-there is an error. Figures, and what else was tried: ``benchmarks/results/2026-11-22-decoding.md``.
+there is an error.
 
 PURE: no I/O, no clock.
 """

@@ -52,7 +52,7 @@ _MANY_OUTLIERS: Final = 0.02
 """Shares of the points that are told of."""
 
 _NOISY: Final = 0.3
-"""Noise over spacing from which samples are smoothed (decision 33)."""
+"""Noise over spacing from which samples are smoothed (docs/decisions/cell-size.md)."""
 
 _UNEVEN: Final = 10.0
 """Dense places hold so many times more points an area than thin ones."""

@@ -2,7 +2,7 @@
 
 A scene's segments never change while it is open, so the tree needs no inserts: every 64 neighbours
 are a node, every 64 nodes a node of the level above. A query tests one level after the other as
-arrays. Why not the package ``rtree``: ``docs/decisions/0152-one-packed-r-tree.md``.
+arrays. Why not the package ``rtree``: ``docs/decisions/spatial-index.md``.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ namespace Terraport.Unity
     /// <remarks>
     /// Positions are written as floats about the scene's origin, and not as the codes they come in: every segment is then drawn
     /// with one and the same matrix, whatever the material, so equal border vertices stay equal to the last bit and no crack opens.
-    /// It costs four bytes a vertex (docs/decisions/0026).
+    /// It costs four bytes a vertex (docs/decisions/engine-rendering.md).
     /// </remarks>
     public sealed class PackedMesh
     {

@@ -2,7 +2,8 @@
 
 They stay compressed on the GPU: ETC1S, 4 bits a texel instead of 32. The encoder (Apache-2.0, from
 npm's ``ktx2-encoder``, MIT) is put beside this module when terraport is installed, with the page;
-Node is the system's, or that of ``pip install 'terraport[ktx2]'``. decisions/0089.
+Node is the system's, or that of ``pip install 'terraport[ktx2]'``. Why this encoder:
+``docs/decisions/texture-atlases.md``.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ __all__ = ["Forecast", "depth_for", "forecast", "reconstruct"]
 
 POINT_WEIGHT = 4.0
 """Weight of passing through the samples against smoothness, PoissonRecon's own default too. 2 lies
-farther from samples held out, 8 begins to follow the noise (decision 15)."""
+farther from samples held out, 8 begins to follow the noise (docs/decisions/poisson-solver.md)."""
 
 SCALE = 1.1
 """The solver's cube is this much wider than the cloud's longest side."""

@@ -41,7 +41,7 @@ _POLL_S = 0.25
 
 FACE_BYTES: Final = 600
 """Of a face: 150 as it is read, and 446 measured on 147,124 faces, .22 squares each, while patches
-are made (``benchmarks/results/2026-11-27-names.md``)."""
+are made."""
 
 
 @dataclass(frozen=True, slots=True)

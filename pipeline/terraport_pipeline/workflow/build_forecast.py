@@ -7,8 +7,8 @@ where there are none (brush, rubble); but noise occupies voxels, too. The more o
 more it is gone by normals and area.
 
 The rest is linear in points and faces, with coefficients fitted to measured builds of real
-surveys by ``benchmarks/forecast.py``; how far off they are stands in
-``benchmarks/results/2026-11-23-forecast.md``.
+surveys by ``benchmarks/forecast.py``; how far off they are:
+``docs/benchmarks.md``.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ namespace Terraport
     /// </remarks>
     public sealed partial class SceneStage : IDisposable
     {
-        // Times the radius: as far as the coarser level is worth its bytes (benchmarks/results/2026-11-24-levels.md).
+        // Times the radius: as far as the coarser level is worth its bytes (docs/benchmarks.md).
         private const double CoarseReach = 3;
 
         private readonly ISceneStream stream;

@@ -45,7 +45,7 @@ const DEADLINE_MS = 12_000;
 /** In a headset the user stands in a place that he wanted to leave: he waits less. */
 const HEADSET_DEADLINE_MS = 6000;
 const INNER_PART = 0.35;
-/** Times the radius: as far as the coarser level is worth its bytes (benchmarks/results/2026-11-24-levels.md). */
+/** Times the radius: as far as the coarser level is worth its bytes (docs/benchmarks.md). */
 const COARSE_REACH = 3;
 
 /** How long a landing waits before its inner part is shown alone. */

@@ -17,7 +17,7 @@ import { layoutOf, type VertexPart } from "./mesh-room.ts";
 import { Page, type PageForm, type PageRange, type PageSize, pageFormBytes } from "./page.ts";
 import { type ImageOf, PageMove } from "./page-move.ts";
 
-/** Pages with less of their bytes alive are moved (decision 131: 1.4 to 1.5 times the room, 0.3 bytes moved for each uploaded). */
+/** Pages with less of their bytes alive are moved (docs/decisions/web-rendering.md: 1.4 to 1.5 times the room, 0.3 bytes moved for each uploaded). */
 const LEAST_LIVE_SHARE = 0.5;
 /** A page joins others of its form where it is at most so many times as large as they together: it grows by half at least. */
 const MOST_TIMES_LARGER = 2;

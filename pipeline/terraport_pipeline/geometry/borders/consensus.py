@@ -38,7 +38,7 @@ __all__ = ["COMMON_LEVELS", "COST_OF_A_BORDER", "AgreedTree", "agreed_levels", "
 
 COST_OF_A_BORDER: Final = 4.0
 """Cost, as ``unions.py`` counts it, of a border: level 1. The mean over four drawn pieces of
-surveys was least there (``benchmarks/results/2026-11-24-regions.md``)."""
+surveys was least there (docs/decisions/region-engine.md)."""
 _RUNS: Final = 6
 _STEPS: Final = 16
 """Limits up to level 1."""

@@ -2,7 +2,7 @@
 
 Two lengths say what a cloud holds. Below its *spacing* there is nothing to see; below its *noise*
 what is seen is not the surface. The ratio of the two, noise over spacing, decides here: 0.05 to 0.1
-for a good survey, 2 for a cheap dense one. Figures: benchmarks/results/2026-11-23-noise.md.
+for a good survey, 2 for a cheap dense one. Figures: docs/benchmarks.md.
 
 PURE: no I/O, no clock.
 """

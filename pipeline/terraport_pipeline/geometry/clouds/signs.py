@@ -18,8 +18,7 @@ one; and all links from settled points count, as in the sum that Schertler, Savc
 Gumhold, "Towards globally optimal normal orientations for large point clouds", CGF 2017, minimise,
 where a spanning tree takes the cheapest alone. One wrong link over the sharp edge at the back of a
 notch turned whole faces inside out in one tile and not in the next: of the samples of a highwall
-with overhangs 10,817 of 1.5 M were turned by the tree, 950 are by votes and leanings
-(``benchmarks/results/2026-11-24-turned-faces.md``).
+with overhangs 10,817 of 1.5 M were turned by the tree, 950 are by votes and leanings.
 
 PURE: no I/O, no clock.
 """

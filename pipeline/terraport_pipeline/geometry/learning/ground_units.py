@@ -43,7 +43,7 @@ _SCALES: Final = (1.0, 2.0)
 """Widths of the surroundings that are looked at, in squares: deviations of the Gaussians. Wider
 ones tell the forest where on the site it is, and not what is there: with 2, 6 and 18 squares of
 twice the side three strokes named .64 of the ground of two quarries, with these .79
-(seeds 3 and 4; ``benchmarks/results/2026-11-24-teaching.md``)."""
+(seeds 3 and 4)."""
 
 _HEIGHT_SCALE: Final = 8.0
 """And of those over which a place stands or lies: piles and pits are wide."""

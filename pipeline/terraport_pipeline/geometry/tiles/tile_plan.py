@@ -52,7 +52,7 @@ SCALE: Final = 1.1
 """The solver's cube is this much wider than its samples' box (PoissonRecon's default)."""
 
 MARGIN_CELLS: Final = 40
-"""Least width of the data beyond the core; see docs/decisions/0009 for what less and more give."""
+"""Minimum width of the data beyond the core, cells (docs/decisions/tiled-builds.md)."""
 
 _FULL_DEPTH: Final = 5
 """The solver refines everything to this depth, so no leaf is wider than 2**(depth - 5) cells."""

@@ -4,7 +4,7 @@ A base has an eighth of the detail's faces at most, so colours at its vertices l
 beside a landing it looked melted. Its image has them all. Every texel takes the colour of the
 detail next to its place on the base (:mod:`~terraport_pipeline.geometry.textures.cell_colours`),
 and charts, packing and gutters are those of textures from photos. Segments keep vertex colours.
-What was tried, with numbers: ``benchmarks/results/2026-11-23-base.md``.
+Figures: ``docs/decisions/base-mesh.md``.
 
 Memory: one tile, about 250 bytes per texel of the surface, and the image.
 """

@@ -13,8 +13,8 @@
 ///
 /// which exchanges two axes: a reflection. **Corners keep their order.** The scene's faces are counter-clockwise seen from
 /// outside, by the right-handed rule: cross(b - a, c - a) points outwards. After a reflection the same arithmetic points
-/// inwards, and that is what Unreal's renderer calls a front face (docs/decisions/0027). Texture coordinates stay, too: (0, 0)
-/// is the image's upper left corner on both sides.
+/// inwards, and that is what Unreal's renderer calls a front face (docs/decisions/engine-rendering.md). Texture coordinates
+/// stay, too: (0, 0) is the image's upper left corner on both sides.
 ///
 /// Plain arithmetic, nothing of the engine: tests and tools compile this file alone.
 namespace TerraportAxes

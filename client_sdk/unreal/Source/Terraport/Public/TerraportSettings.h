@@ -56,7 +56,7 @@ struct TERRAPORT_API FTerraportBudgets
 	static FTerraportBudgets For(ETerraportDevice Device);
 };
 
-/** How meshes are drawn (docs/decisions/0027). */
+/** How meshes are drawn (docs/decisions/engine-rendering.md). */
 UENUM(BlueprintType)
 enum class ETerraportMeshes : uint8
 {

@@ -8,7 +8,7 @@
 namespace terraport {
 namespace {
 
-/// Times the radius: as far as the coarser level is worth its bytes (benchmarks/results/2026-11-24-levels.md).
+/// Times the radius: as far as the coarser level is worth its bytes (docs/benchmarks.md).
 constexpr double kCoarseReach = 3.0;
 
 ShelfLimits limitsOf(const StageOptions& options) {
