@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Self
 
 import httpx
+import msgpack
 import numpy as np
 import pytest
 import websockets.sync.client
@@ -132,6 +133,17 @@ def test_a_newer_landing_while_payload_flows(server: BackgroundServer, big: Grid
         assert client.have == keys_of(big)
 
 
+def test_a_bad_prefetch_is_refused_and_the_session_goes_on(server: BackgroundServer) -> None:
+    with Socket(server.scene_url("grid"), Client2()) as socket:
+        bad = {"type": "prefetch", "generation": 5, "position": [0, 1], "radius_m": 3}
+        socket.socket.send(msgpack.packb(bad | {"have": b"", "taken_bytes": 0}))
+        error = socket.receive()
+        assert isinstance(error, Error)
+        assert (error.code, error.fatal, error.generation) == ("invalid_field", False, 5)
+        socket.send(Pick(request=4, origin=CENTRE))
+        socket.expect(Picked)
+
+
 def test_a_pick(server: BackgroundServer) -> None:
     with Socket(server.scene_url("grid"), Client2()) as socket:
         socket.send(Pick(request=4, origin=CENTRE))
@@ -167,6 +179,15 @@ def test_a_plan_over_http_and_its_ranges(server: BackgroundServer, grid: GridSce
     assert isinstance(cut, Plan)
     assert cut.show["key"].tolist() == plan.show["key"][2:5].tolist()
     assert cut.omitted_by == "max_segments"
+    # Budgets of the GPU as the stream counts them.
+    gpu = {"max_gpu_bytes": 60_000, "gpu_vertex_bytes": 77}
+    narrow = decode(httpx.get(url, params=query | gpu).content, Direction.SERVER_TO_CLIENT)
+    assert isinstance(narrow, Plan)
+    with Socket(server.scene_url("grid"), Client2(), budgets=Budgets(**gpu)) as socket:
+        socket.send(socket.client.land(CENTRE, 12.0))
+        streamed = socket.expect(Plan)
+    assert (narrow.omitted_by, len(narrow.show)) == ("max_gpu_bytes", len(streamed.show))
+    assert 0 < len(narrow.show) < len(plan.show)
 
 
 @pytest.mark.parametrize(
@@ -179,6 +200,7 @@ def test_a_plan_over_http_and_its_ranges(server: BackgroundServer, grid: GridSce
         ({"without": "12"}, 400),
         ({"inner_radius_m": 20}, 400),
         ({"max_bytes": -1}, 400),
+        ({"gpu_face_bytes": 5000}, 400),
     ],
 )
 def test_bad_questions_over_http(

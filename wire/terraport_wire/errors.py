@@ -182,8 +182,8 @@ class FieldError(DecodeError):
     generation, request : int or None
         Generation or request of the refused message, where it could be read.
     fatal : bool
-        False for ``aim``, ``land``, ``pick``, ``join`` and ``gather``: they are refused and the
-        session goes on, because nothing was changed by them.  True for every other message: the
+        False for ``aim``, ``land``, ``prefetch``, ``pick``, ``join`` and ``gather``: they are
+        refused and the session goes on, because nothing was changed by them.  True for every other message: the
         two sides' views of the session would differ.
     """
 
@@ -203,7 +203,7 @@ class FieldError(DecodeError):
         self.field = field
         self.generation = generation
         self.request = request
-        self.fatal = message_type not in {"aim", "land", "pick", "join", "gather"}
+        self.fatal = message_type not in {"aim", "land", "prefetch", "pick", "join", "gather"}
 
     def __str__(self) -> str:
         return f"{self.message_type}.{self.field}: {self.text}"

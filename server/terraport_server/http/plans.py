@@ -47,6 +47,8 @@ async def get_plan(
     max_bytes: Budget = None,
     max_segments: Budget = None,
     max_gpu_bytes: Budget = None,
+    gpu_vertex_bytes: Budget = None,
+    gpu_face_bytes: Budget = None,
     without: str = "",
 ) -> Response:
     """Return a plan as msgpack; ``without`` are keys of segments in hexadecimal digits."""
@@ -73,6 +75,8 @@ async def get_plan(
             max_bytes=max_bytes,
             max_segments=max_segments,
             max_gpu_bytes=max_gpu_bytes,
+            gpu_vertex_bytes=gpu_vertex_bytes,
+            gpu_face_bytes=gpu_face_bytes,
         )
     except InvalidMessageError as error:
         raise RequestError(400, ErrorCode.INVALID_FIELD, str(error)) from None
