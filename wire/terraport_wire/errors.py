@@ -183,8 +183,8 @@ class FieldError(DecodeError):
         Generation or request of the refused message, where it could be read.
     fatal : bool
         False for ``aim``, ``land``, ``prefetch``, ``pick``, ``join`` and ``gather``: they are
-        refused and the session goes on, because nothing was changed by them.  True for every other message: the
-        two sides' views of the session would differ.
+        refused and the session goes on, because nothing was changed by them.  True for every
+        other message: the two sides' views of the session would differ.
     """
 
     code = ErrorCode.INVALID_FIELD
