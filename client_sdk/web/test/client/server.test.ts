@@ -115,7 +115,7 @@ describe.skipIf(skipped !== null)(`on a real server${skipped === null ? "" : ` (
 
   test("a cut line is mended, no segment comes twice, and picks are answered", async () => {
     const proxy = await throughProxy();
-    proxy.cutAfterBytes = 150_000;
+    proxy.cutAfterBytes = 75_000; // Of some 150,000.
     const { stream, ready, of, until } = listen({ creditBytes: 65_536 }, proxy.url);
     const landing = stream.land(HERE, 120);
     await until("link", ({ link }) => link.state === "waiting");
