@@ -110,7 +110,7 @@ def test_a_cut_line_is_mended(godot: Engine, server: Service) -> None:
         line.proxy.bytes_per_s = 4e6
 
         def cut_twice() -> None:
-            for sent in (2_000_000, 5_000_000):
+            for sent in (1_000_000, 2_500_000):
                 end_s = time.monotonic() + 60
                 while line.proxy.down_bytes < sent and time.monotonic() < end_s:
                     time.sleep(0.01)
@@ -229,7 +229,9 @@ def test_places_and_pieces_are_those_of_the_python_sdk(godot: Engine, tmp_path: 
         assert place[5] == pytest.approx(other.radius_m)
     assert found["landing"] > 0
     assert found["nowhere"] == -1
-    assert found["pieces"] == [[p.cost, list(p.regions), p.area_m2, p.label] for p in pieces]
+    assert found["pieces"] == [
+        [p.cost, list(p.regions), pytest.approx(p.area_m2), p.label] for p in pieces
+    ]
 
 
 @pytest.mark.parametrize("example", ["first_landing", "first_landing_xr"])
