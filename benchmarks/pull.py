@@ -9,9 +9,9 @@
 * **files**: segments of 128 KiB, 512 KiB and 2 MiB one by one, and ranges as long of the pack, over
   one connection, whose client only reads; the same ranges of nginx. CPU seconds of the process for
   each GB, from the kernel's accounting.
-* **cache**: viewers (the real SDK, ``delivery="pull"``, 20 at a time) land at one place through
-  nginx as a caching proxy in front of the service. What nginx asked the service for, against what
-  the viewers got.
+* **cache**: viewers (a plan over HTTP and the ranges that it names, 20 at a time) land at one place
+  through nginx as a caching proxy in front of the service. What nginx asked the service for,
+  against what the viewers got.
 * **plans**: landings a second that the service's session decides on one core, with the messages of
   each encoded and decoded: ``land`` to ``plan`` and ``held`` to ``ready``, of some 500 segments in
   a scene of 100,000. No socket, no HTTP.
@@ -44,7 +44,6 @@ import numpy as np
 from parts.random_scene import TILE_M, write_random_scene
 from parts.service_process import ServiceProcess, free_port, listening
 
-import terraport
 from terraport_server.session.interface import (
     MakePlan,
     PullView,
@@ -71,11 +70,16 @@ from terraport_wire import (
     decode,
     encode,
 )
+from terraport_wire.protocol_2 import Plan as Plan2
+from terraport_wire.protocol_2 import decode as decode_2
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from s3_servers import s3_environment, weed_server
 
 AT_ONCE: Final = 20
+GAP: Final = 64 << 10
+LONGEST: Final = 2 << 20
+"""Ranges of a pack, as specified: bytes between two payloads, and of one request."""
 
 _NGINX: Final = """
 daemon off; worker_processes 1; pid {folder}/pid; error_log {folder}/error.log warn;
@@ -283,13 +287,14 @@ def measure_viewers(scenes: Path, nginx: str, viewers: int, side: int) -> None:
     print(
         "\n| packs from | viewers | they got, MB | asked of the service, MB (requests) | ", end=""
     )
-    print("frames, MB | service CPU, ms a viewer |\n|---|---|---|---|---|---|")
+    print("service CPU, ms a viewer |\n|---|---|---|---|---|")
     for what, path in (("a caching proxy", "scenes"), ("the folder", "files")):
         origin, port = free_port(), free_port()
+        base = f"http://127.0.0.1:{port}/{path}"
         service = ServiceProcess(
             scenes,
             port=origin,
-            pull_base_url=f"http://127.0.0.1:{port}/{path}",
+            pull_base_url=base,
             max_sessions_per_ip=256,
         )
         with tempfile.TemporaryDirectory() as name, service:
@@ -298,12 +303,12 @@ def measure_viewers(scenes: Path, nginx: str, viewers: int, side: int) -> None:
             config = _NGINX.format(folder=folder, port=port, origin=origin, scenes=scenes)
             with serving(nginx, folder, config, port):
                 before_s = service.cpu_s()
-                got, frames = asyncio.run(land_all(service.url, viewers, side))
+                got = asyncio.run(land_all(service.url, viewers, side, base))
                 cpu_s = service.cpu_s() - before_s
             asked = origin_requests(folder / "origin.log")
         print(
             f"| {what} | {viewers} | {got / 1e6:.1f} | {sum(asked) / 1e6:.2f} ({len(asked)}) | "
-            f"{frames / 1e6:.2f} | {cpu_s / viewers * 1e3:.1f} |"
+            f"{cpu_s / viewers * 1e3:.1f} |"
         )
 
 
@@ -319,7 +324,8 @@ def measure_s3(scenes: Path, viewers: int, side: int) -> None:
             max_sessions_per_ip=256,
         ) as service:
             before_s = service.cpu_s()
-            got, _ = asyncio.run(land_all(service.url, viewers, side))
+            base = f"{s3_url}/packs/scenes"
+            got = asyncio.run(land_all(service.url, viewers, side, base))
             cpu_s = service.cpu_s() - before_s
             sent = payload_sent(service.url)
     print(
@@ -356,24 +362,33 @@ def origin_requests(log: Path) -> list[int]:
     return asked
 
 
-async def land_all(url: str, viewers: int, side: int) -> tuple[int, int]:
-    """Return the payload bytes that all viewers got, and those of them that came in frames."""
+async def land_all(url: str, viewers: int, side: int, base: str) -> int:
+    """Return the payload bytes that all viewers got, in ranges of packs under a base address."""
     room = asyncio.Semaphore(AT_ONCE)
-    middle_m = side * TILE_M / 2
+    scene, middle_m = f"{url}/scenes/pit", side * TILE_M / 2
 
-    async def land_one() -> tuple[int, int]:
-        async with (
-            room,
-            terraport.connect(f"{url}/scenes/pit", delivery="pull") as session,
-        ):
-            landing = await session.land((middle_m, 0.0, middle_m), side * TILE_M)
-            await landing.ready(timeout_s=120)
-            assert session.unreached_pack is None, session.unreached_pack
-            stats = session.stats
-            return stats.payload_bytes, max(0, stats.payload_bytes - stats.pulled_bytes)
+    async def land_one() -> int:
+        async with room, httpx.AsyncClient(timeout=120) as http:
+            pack = (await http.get(scene)).json()["files"]["segments.pack"]["path"]
+            query = {"x": middle_m, "y": 0, "z": middle_m, "radius_m": side * TILE_M}
+            answer = await http.get(f"{scene}/{pack.partition('/')[0]}/plan", params=query)
+            plan = decode_2(answer.raise_for_status().content, Direction.SERVER_TO_CLIENT)
+            assert isinstance(plan, Plan2)
+            assert plan.offsets is not None
+            spans = sorted(zip(plan.offsets.tolist(), plan.show["bytes"].tolist(), strict=True))
+            ranges: list[list[int]] = []
+            for begin, length in spans:
+                if ranges and begin - ranges[-1][1] <= GAP and begin - ranges[-1][0] < LONGEST:
+                    ranges[-1][1] = begin + length
+                else:
+                    ranges.append([begin, begin + length])
+            for begin, end in ranges:
+                span = {"Range": f"bytes={begin}-{end - 1}"}
+                got = await http.get(f"{base}/pit/{pack}", headers=span)
+                assert len(got.raise_for_status().content) == end - begin
+            return sum(length for _, length in spans)
 
-    rows = await asyncio.gather(*(land_one() for _ in range(viewers)))
-    return sum(got for got, _ in rows), sum(frames for _, frames in rows)
+    return sum(await asyncio.gather(*(land_one() for _ in range(viewers))))
 
 
 if __name__ == "__main__":

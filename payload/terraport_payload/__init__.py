@@ -18,7 +18,7 @@ from terraport_payload.glb_texture import snap_uvs
 from terraport_payload.grid import AttributeScale, choose_attribute_scale, choose_step_m, snap
 from terraport_payload.mesh import SegmentMesh
 from terraport_payload.order import order_for_cache
-from terraport_payload.segment_format import decode_segment, encode_segment
+from terraport_payload.segment_format import decode_segment, encode_segment, segment_bounds
 from terraport_payload.texture import Texture
 
 __all__ = [
@@ -36,6 +36,7 @@ __all__ = [
     "encode_segment",
     "gltf_attribute_name",
     "order_for_cache",
+    "segment_bounds",
     "snap",
     "snap_uvs",
 ]

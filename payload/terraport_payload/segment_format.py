@@ -29,13 +29,24 @@ from terraport_payload.grid import (
 from terraport_payload.mesh import SegmentMesh
 from terraport_payload.meshcheck import check_mesh
 from terraport_payload.texture import MAX_IMAGE_BYTES, Texture
-from terraport_payload.types import AnyInt, Bool, Float32, Int32, Int64, UInt8, UInt16, UInt32
+from terraport_payload.types import (
+    AnyInt,
+    Bool,
+    Float32,
+    Float64,
+    Int32,
+    Int64,
+    UInt8,
+    UInt16,
+    UInt32,
+)
 
 __all__ = [
     "MAX_ATTRIBUTES",
     "MAX_STREAM_BYTES",
     "decode_segment",
     "encode_segment",
+    "segment_bounds",
     "segment_texture",
 ]
 
@@ -161,18 +172,8 @@ def decode_segment(
         For anything that is not a whole segment: never another exception, whatever the bytes.
     """
     # (1) The two parts, and their checksums.
-    packed, image_view = _parts(data)
-    planes, image = _Planes(packed), bytes(image_view)
-    (
-        vertices, faces, x, y, z, exponent, flags, kind, region, width, height, mask, crc,
-    ) = _HEAD.unpack(planes.take(_HEAD.size))  # fmt: skip
-    if not vertices or not faces or flags & ~7 or kind > len(_IMAGES):
-        raise PayloadError(
-            f"{vertices} vertices, {faces} faces, flags {flags}, image {kind}, expected at least "
-            f"one face, flags below 8, an image up to {len(_IMAGES)}"
-        )
-    if bool(kind) != bool(flags & _UVS) or bool(kind) != bool(image) or zlib.crc32(image) != crc:
-        raise PayloadError("an image that is damaged, or texture coordinates without one")
+    planes, image, head = _opened(data)
+    vertices, faces, x, y, z, exponent, flags, kind, region, width, height, mask = head
     # (2) Faces.
     starts, lefts = planes.bits(faces), planes.bits(faces)
     is_new = planes.bits(faces + 2 * int(starts.sum()))
@@ -221,6 +222,36 @@ def decode_segment(
     return mesh
 
 
+def segment_bounds(data: bytes | memoryview) -> Float64:
+    """Check a segment's checksums and return the box around it, without decoding the rest.
+
+    Parameters
+    ----------
+    data : bytes or memoryview
+        The whole segment.
+
+    Returns
+    -------
+    ndarray of shape (6,), float64
+        Least x, y, z, then greatest, metres, scene frame: exactly those of the decoded positions.
+
+    Raises
+    ------
+    PayloadError
+        It is damaged, or not a whole segment.
+    """
+    planes, _, (vertices, faces, *origin, exponent, _, _, _, _, _, _) = _opened(data)
+    starts = planes.bits(faces)
+    planes.take((faces + 7) // 8)
+    is_new = planes.bits(faces + 2 * int(starts.sum()))
+    planes.differences(int((~is_new).sum()), 2 if vertices <= 1 << 16 else 4)
+    steps = planes.rows(vertices, 3, 2).astype(np.int64) + np.array(origin)
+    if not -1022 <= exponent <= 127:
+        raise PayloadError(f"step 2^{exponent}, expected 2^-1022 to 2^127")
+    bounds: Float64 = np.concatenate([steps.min(axis=0), steps.max(axis=0)]) * 2.0**exponent
+    return bounds
+
+
 def segment_texture(data: bytes | memoryview) -> tuple[int, int, int]:
     """Read what the index says of a segment's texture, without decoding anything.
 
@@ -260,6 +291,22 @@ def _parts(data: bytes | memoryview) -> tuple[memoryview, memoryview]:
             f"{len(view)} bytes, expected {_OUTER.size} + {packed_bytes} + {image_bytes}", offset=4
         )
     return view[_OUTER.size : _OUTER.size + packed_bytes], view[_OUTER.size + packed_bytes :]
+
+
+def _opened(data: bytes | memoryview) -> tuple[_Planes, bytes, tuple[int, ...]]:
+    """Check the checksums of a segment; return its planes behind the head, image and head."""
+    packed, image_view = _parts(data)
+    planes, image = _Planes(packed), bytes(image_view)
+    *head, crc = _HEAD.unpack(planes.take(_HEAD.size))
+    vertices, faces, flags, kind = head[0], head[1], head[6], head[7]
+    if not vertices or not faces or flags & ~7 or kind > len(_IMAGES):
+        raise PayloadError(
+            f"{vertices} vertices, {faces} faces, flags {flags}, image {kind}, expected at least "
+            f"one face, flags below 8, an image up to {len(_IMAGES)}"
+        )
+    if bool(kind) != bool(flags & _UVS) or bool(kind) != bool(image) or zlib.crc32(image) != crc:
+        raise PayloadError("an image that is damaged, or texture coordinates without one")
+    return planes, image, tuple(head)
 
 
 class _Planes:

@@ -55,7 +55,7 @@ def both(file: str, test: str) -> tuple[Claim, Claim]:
 
 SERVER = Yes(f"{WEB}/client/server.test.ts", "a landing, a hop and a return")
 SDK_LAND = "tests/socket/test_sdk_sessions.py"
-SDK_CORE = "tests/sdk/test_session_landings.py"
+SDK_CORE = "tests/sdk/test_core.py"
 
 FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     "wire corpus, whole": (
@@ -69,7 +69,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         *both(CORPUS, "test_the_whole_corpus_passes"),
     ),
     "session corpus, step by step": (
-        Yes("tests/conformance/test_session_corpus.py", "test_every_history"),
+        No("protocol 2 alone"),
         Yes(f"{WEB}/session/corpus.test.ts", "the session corpus, step by step"),
         *both(CORPUS, "test_the_whole_session_corpus_passes"),
     ),
@@ -84,7 +84,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         *both(LAND, "test_visible_sets_of_a_walk_are_those_of_the_python_sdk"),
     ),
     "a second visit costs no bytes": (
-        Yes(SDK_CORE, "test_a_second_visit_costs_no_bytes"),
+        Yes(SDK_CORE, "test_what_stays_is_named_and_comes_once"),
         SERVER,
         *both(LAND, "test_a_second_visit_costs_no_bytes"),
     ),
@@ -104,7 +104,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         *both(FAULT, "test_a_deadline_shows_the_inner_part_first"),
     ),
     "aims fetch ahead": (
-        Yes(SDK_CORE, "test_an_aim_is_held_for_the_landing_that_follows"),
+        Yes(SDK_CORE, "test_an_aim_brings_ahead_what_a_landing_needs"),
         Yes(
             f"{WEB}/client/server.test.ts", "an aim, and the landing there has nothing left to load"
         ),
@@ -116,7 +116,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         *both(LAND, "test_picks_are_answered"),
     ),
     "cache bounded by bytes": (
-        Yes("tests/sdk/test_cache.py", "test_any_history_gives_what_a_list_gives"),
+        Yes(SDK_CORE, "test_nothing_that_was_named_leaves_memory_before_the_swap"),
         Yes(f"{WEB}/session/parts.test.ts", "does over any history what a list does slowly"),
         *both(LAND, "test_the_cache_keeps_its_bound_and_says_what_it_let_go"),
     ),
@@ -126,7 +126,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         *both("tests/engines/test_disk.py", "test_a_second_run_reads_from_disk"),
     ),
     "disk: damaged, full, not to be written": (
-        Yes("tests/sdk/test_disk_cache.py", "test_a_disk_that_cannot_be_written_is_no_error"),
+        Yes("tests/sdk/test_disk.py", "test_a_disk_that_cannot_be_written_is_no_error"),
         Yes(f"{WEB}/session/kept-bundle.test.ts", "any damage brings whole payloads or none"),
         *both("tests/engines/test_disk.py", "test_a_folder_that_cannot_be_written_is_no_error"),
     ),
@@ -232,7 +232,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         Yes("client_sdk/unreal/tests/core/places_test.cpp", "named regions are places, by name"),
     ),
     "coarser pieces that a pick is part of": (
-        Yes("tests/sdk/test_coarser.py", "test_they_grow_from_cost_to_cost"),
+        Yes("tests/sdk/test_places.py", "test_they_grow_from_cost_to_cost"),
         Yes(f"{WEB}/coarser-pieces.test.ts", "grows from cost to cost"),
         Yes("client_sdk/unity/Tests/Core/PlacesTests.cs", "WhatARegionIsPartOfGrowsFromCostToCost"),
         Yes(

@@ -8,8 +8,6 @@ from typing import Any
 from engines.programs import Client, Landed
 from faults.service import Service
 
-import terraport.sync
-
 LANDING = "land:30,1,30,9"
 WRITTEN = "pause:700"
 """What waits to be written is dropped by an early end."""
@@ -69,13 +67,3 @@ def test_a_folder_that_cannot_be_written_is_no_error(
     landed = visit(client, server, disk=blocked)
     assert shown(landed) == shown(visit(client, server))
     assert blocked.read_text() == "a file where the folder should be"
-
-
-def test_the_python_sdk_reads_the_same_file_form(
-    client: Client, server: Service, tmp_path: Path
-) -> None:
-    """One form of files, whoever wrote them."""
-    visit(client, server, disk=tmp_path)
-    with terraport.sync.connect(f"{server.url}/scenes/grid", cache_dir=tmp_path) as session:
-        session.land((30, 1, 30), 9).ready()
-        assert session.stats.payload_bytes == 0

@@ -74,14 +74,13 @@ def test_a_scene_of_two_levels_is_drawn_with_a_ring(client: Client, server: Serv
     places = [(30.0, 1.0, 30.0, 6.0), (12.0, 1.0, 44.0, 8.0), (30.0, 1.0, 30.0, 6.0)]
     orders = [f"land:{x},{y},{z},{radius}" for x, y, z, radius in places]
     with terraport.sync.connect(url) as session:
-        base = session.base()
         count = session.scene.segment_count
         shown, hidden, loaded = [], [], []
         for x, y, z, radius_m in places:
             landing = session.land((x, y, z), radius_m, coarse_radius_m=3 * radius_m)
             landing.ready()
             shown.append(sorted(session.visible))
-            hidden.append(base.hidden_faces(session.visible).nonzero()[0].tolist())
+            hidden.append(session.hidden_faces.nonzero()[0].tolist())
             loaded.append(landing.plan.load["id"].tolist())
     for number in range(1, len(places) + 1):
         landed = client.land(url, *orders[:number], staged=1)
@@ -295,6 +294,6 @@ def test_what_an_engine_would_draw_is_what_the_python_sdk_shows(
             assert landed.stage["faults"] == []
             assert landed.stage["swaps"] == number
             assert landed.stage["visible"] == sorted(session.visible)
-            hidden = base.hidden_faces(session.visible).nonzero()[0].tolist()
+            hidden = session.hidden_faces.nonzero()[0].tolist()
             assert landed.stage["hidden_base_faces"] == hidden
             assert 0 < len(hidden) < len(base.mesh.faces)

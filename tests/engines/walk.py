@@ -58,7 +58,7 @@ def shown_by_the_sdk(scene_url: str) -> Ground:
         segments = session.land(LANDING[:3], LANDING[3]).ready()
         assert len(segments) == len(session.visible)
         base = session.base()
-        hidden = base.hidden_faces(session.visible)
+        hidden = session.hidden_faces
         meshes = [segment.arrays() for segment in segments]
     return Ground(
         np.concatenate([mesh.positions[mesh.faces].astype(float) for mesh in meshes]),

@@ -39,7 +39,7 @@ def test_a_landing_a_hop_and_a_return(godot: Engine, server: Service) -> None:
         for landed, (x, y, z, radius_m) in zip(visit.results, places, strict=True):
             session.land((x, y, z), radius_m).ready()
             assert landed["visible"] == sorted(session.visible)
-            hidden = int(base.hidden_faces(session.visible).sum())
+            hidden = int(session.hidden_faces.sum())
             segments, _, faces, _ = landed["digest"].split(":")
             assert (int(segments), int(faces)) == (len(session.visible), hidden)
             assert 0 < hidden < len(base.mesh.faces)
@@ -63,13 +63,13 @@ def test_a_ring_of_the_coarser_level_comes_and_can_be_left_out(
     is_clean(with_ring)
     is_clean(without)
     with terraport.sync.connect(url) as session:
-        base, count = session.base(), session.scene.segment_count
+        count = session.scene.segment_count
         for visit, ring_m in ((with_ring, 3 * radius_m), (without, None)):
             session.land((x, y, z), radius_m, coarse_radius_m=ring_m).ready()
             *_, landed, (met,) = visit.results
             assert landed["visible"] == sorted(session.visible)
             assert (max(landed["visible"]) >= count) == (ring_m is not None)
-            hidden = int(base.hidden_faces(session.visible).sum())
+            hidden = int(session.hidden_faces.sum())
             assert landed["digest"].split(":")[2] == str(hidden)
             planned = visit.of("planned")[-1]
             assert (planned["effective_radius_m"], planned["coarse_radius_m"]) == (

@@ -23,6 +23,7 @@ from terraport_payload.segment_format import (
     MAX_STREAM_BYTES,
     decode_segment,
     encode_segment,
+    segment_bounds,
     segment_texture,
 )
 
@@ -241,3 +242,24 @@ def test_a_scene_has_no_more_attributes_than_bits(triangle: SegmentMesh) -> None
     del scales[names[-1]]
     decoded = decode_segment(encode_segment(mesh, step_m=STEP_M, scales=scales), scales=scales)
     assert sorted(decoded.attributes) == sorted(last)
+
+
+@pytest.mark.parametrize("path", sorted(GOLDEN.glob("*.tsg")), ids=lambda path: path.name)
+def test_the_box_is_that_of_the_decoded_positions(path: Path) -> None:
+    positions = decode_segment(path.read_bytes(), scales=None).positions.astype(float)
+    box = segment_bounds(path.read_bytes())
+    assert box.tolist() == [*positions.min(axis=0), *positions.max(axis=0)]
+
+
+def test_the_box_of_a_damaged_segment_is_refused() -> None:
+    data = encode_segment(
+        random_mesh(3, 50, manifold=True, kind="colours"), step_m=STEP_M, scales=SCALES
+    )
+    for at in range(0, len(data), 7):
+        damaged = data[:at] + bytes([data[at] ^ 16]) + data[at + 1 :]
+        try:
+            box = segment_bounds(damaged)
+        except PayloadError:
+            continue
+        # The gzip header has fields that say nothing.
+        assert box.tolist() == segment_bounds(data).tolist()

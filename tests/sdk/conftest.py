@@ -7,14 +7,9 @@ from sdk.pairing import Pair, ToyScene
 
 
 @pytest.fixture
-def toy() -> ToyScene:
-    """A scene of 36 small segments."""
-    return ToyScene()
-
-
-@pytest.fixture
-def pair(toy: ToyScene) -> Pair:
-    """A client that is about to be welcomed."""
-    pair = Pair(toy)
+def pair() -> Pair:
+    """A client that is welcome."""
+    pair = Pair(ToyScene())
     pair.connect()
+    pair.settle()
     return pair

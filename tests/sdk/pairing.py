@@ -1,20 +1,20 @@
-"""An in-memory pair: the client's state machine and the server's, without a socket."""
+"""An in-memory pair: the client's core and the server's session, without a socket."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
-import xxhash
-from store.tiny_scene import SCALES, STEP_M, lattice_mesh
 
-from terraport.cache import CachedSegment, SegmentCache
+from terraport.cache import SegmentCache
+from terraport.core import SessionCore
 from terraport.events import Event, RestoreNeeded, SegmentArrived
-from terraport.session import ClientSession, SessionOptions
-from terraport_payload import encode_segment
+from terraport.options import SessionOptions
+from terraport_payload import Cover, SegmentMesh, box_distances_m, encode_segment
+from terraport_payload.hidden import HiddenFaces
 from terraport_server.session.interface import (
     Close,
     GroupPort,
@@ -26,86 +26,89 @@ from terraport_server.session.interface import (
     SendMessage,
     SessionLimits,
 )
-from terraport_server.session.session import Session as ServerSession
-from terraport_wire import (
-    DecodeError,
-    Direction,
-    Hit,
-    PayloadFrame,
-    decode,
-    encode,
-    encode_frame,
-)
+from terraport_server.session.session_2 import Session2
+from terraport_wire import Budgets, DecodeError, Hit, encode
 
-GRID = 6
-"""Segments along one side of the toy scene; boxes of 1 m with gaps of 1 m."""
-
-MIDDLE = (GRID, 0.0, GRID)
-"""Of the toy scene, metres."""
-
-
-class ToyScene:
-    """GRID x GRID segments in the plane y = 0; i is at (2 * (i % GRID), 0, 2 * (i // GRID))."""
-
-    def __init__(
-        self,
-        *,
-        cells: int = 2,
-        seed: int = 0,
-        version: str = "v1",
-        payloads: list[bytes] | None = None,
-        levels: int = 1,
-    ) -> None:
-        """Make one; `payloads` are any bytes, where they need not be decoded; of every level."""
-        random = np.random.default_rng(seed)
-        count = GRID * GRID
-        ids = np.arange(count)
-        low = np.stack([2.0 * (ids % GRID), np.zeros(count), 2.0 * (ids // GRID)], axis=1)
-        self.bounds = np.concatenate([low, low + np.array([1, 0, 1])], axis=1).astype(np.float32)
-        rows = count * levels
-        self.payloads = payloads or [
-            _payload(int(size), number)
-            for number, size in enumerate(random.integers(1, 2 * cells, rows))
-        ]
-        hashes = [xxhash.xxh3_64_intdigest(payload) for payload in self.payloads]
-        self.hashes = np.array(hashes, dtype=np.uint64)
-        self.lengths = np.array([len(p) for p in self.payloads], dtype=np.uint32)
-        table = SegmentTable(
-            bounds=np.tile(self.bounds, (levels, 1)),
-            lengths=self.lengths,
-            hashes=self.hashes,
-            faces=np.full(rows, 10, dtype=np.uint32),
-            vertices=np.full(rows, 12, dtype=np.uint32),
-            texture_bytes=np.zeros(rows, np.uint64),
-            levels=levels,
-        )
-        self.view = SceneView(
-            id="toy",
-            version=version,
-            name="toy",
-            encodings={"segment-2": table},
-            within=self.within,
-        )
-
-    def within(self, centre: Iterable[float], radius_m: float) -> np.ndarray:
-        """Brute force: ids whose box comes within the radius, ascending."""
-        at = np.asarray(list(centre), dtype=np.float64)
-        low, high = self.bounds[:, :3].astype(float), self.bounds[:, 3:].astype(float)
-        gap = np.maximum(np.maximum(low - at, 0), at - high)
-        return np.flatnonzero(np.sqrt((gap**2).sum(axis=1)) <= radius_m)
+COUNT = 30
+BASE_FACES = 48
+CENTRE = (50.0, 10.0, 50.0)
 
 
 @cache
-def _payload(cells: int, seed: int) -> bytes:
-    """A small segment; another seed, another hash."""
-    return encode_segment(lattice_mesh(0, 0, cells, seed=seed), step_m=STEP_M, scales=SCALES)
+def payload(seed: int, level: int = 0) -> tuple[bytes, tuple[float, ...]]:
+    """One triangle somewhere in 100 m; another seed, other bytes. With its box."""
+    random = np.random.default_rng(seed)
+    low = random.integers(0, 400, 3) / 4.0
+    corners = low + random.integers(1, 60, (3, 3)) / 4.0 + 0.5 * level
+    normals = np.tile(np.float32([0, 1, 0]), (3, 1))
+    mesh = SegmentMesh(corners.astype(np.float32), np.uint32([[0, 1, 2]]), normals)
+    box = (*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
+    return encode_segment(mesh, step_m=0.25, scales={}), box
 
 
-@dataclass
-class FakeDisk:
-    """What a disk cache would hold, without a disk: entries by id."""
+class ToyScene:
+    """Random triangles and a random cover; `version` changes a third of the triangles."""
 
-    entries: dict[int, CachedSegment] = field(default_factory=dict)
+    def __init__(self, seed: int = 0, *, levels: int = 1, version: int = 1) -> None:
+        random = np.random.default_rng(seed)
+        seeds = seed * 1000 + np.arange(COUNT)
+        seeds[::3] += 500 * (version - 1)
+        made = [payload(int(each), level) for level in range(levels) for each in seeds]
+        self.payloads = [data for data, _ in made]
+        rows = COUNT * levels
+        table = SegmentTable(
+            bounds=np.array([box for _, box in made], np.float32),
+            lengths=np.array([len(data) for data in self.payloads], np.uint32),
+            hashes=np.concatenate([seeds + 1 + 10**9 * level for level in range(levels)]).astype(
+                np.uint64
+            ),
+            faces=np.ones(rows, np.uint32),
+            vertices=np.full(rows, 3, np.uint32),
+            texture_bytes=np.zeros(rows, np.uint64),
+            levels=levels,
+        )
+        over = [
+            np.unique(random.integers(0, COUNT, random.integers(0, 4))) for _ in range(BASE_FACES)
+        ]
+        offsets = np.cumsum([0, *map(len, over)]).astype(np.uint32)
+        self.cover = Cover(offsets, np.concatenate(over).astype(np.uint32))
+        self.table = table
+        fine = table.bounds[:COUNT]
+        self.view = SceneView(
+            id="toy",
+            version=f"{version}" * 32,
+            name="toy",
+            encodings={"segment-2": table},
+            within=lambda at, radius_m: np.flatnonzero(box_distances_m(fine, at) <= radius_m),
+            hidden_faces=HiddenFaces(self.cover, COUNT),
+        )
+
+    def expected(
+        self,
+        position: Any,
+        radius_m: float,
+        *,
+        coarse_radius_m: float | None = None,
+        missing: set[int] = frozenset(),
+        budgets: Budgets | None = None,
+    ) -> tuple[set[int], bytes]:
+        """Keys that a landing shows, and the bits of the base faces that it hides, by a loop."""
+        distances = box_distances_m(self.table.bounds[:COUNT], position)
+        most = (budgets.max_segments if budgets else None) or COUNT
+        rows = []
+        for segment in sorted(range(COUNT), key=lambda each: (distances[each], each)):
+            coarser = distances[segment] > radius_m
+            ring_m = coarse_radius_m if self.table.levels > 1 and coarse_radius_m else radius_m
+            if distances[segment] <= ring_m and len(rows) < most:
+                rows.append(segment + COUNT * coarser)
+        rows = [row for row in rows if row not in missing]
+        segments = {row % COUNT for row in rows}
+        hidden = [
+            bool(over := set(self.cover.over(face).tolist())) and over <= segments
+            for face in range(BASE_FACES)
+        ]
+        keys = {int(self.table.hashes[row]) for row in rows}
+        return keys, np.packbits(hidden, bitorder="little").tobytes()
 
 
 class Pair:
@@ -117,157 +120,128 @@ class Pair:
         *,
         cache_bytes: int = 1 << 20,
         credit_bytes: int = 4096,
-        release_factor: float = 1.0,
-        max_bytes: int | None = None,
-        disk: FakeDisk | None = None,
-        limits: SessionLimits | None = None,
-        lag: int = 0,
+        disk: dict[int, bytes] | None = None,
+        **budgets: int | None,
     ) -> None:
-        """Make a pair; `lag` messages of the server are on their way before one arrives."""
-        self.lag = lag
-        self.offer_held = True
-        """False: nothing is offered in hello, as after a server that found it too large."""
-        self.down: deque[bytes | str] = deque()
         self.scene = scene
         self.disk = disk
-        self.limits = limits or SessionLimits(max_messages_per_s=1e6)
-        on_disk = {s: e.facts.xxh3 for s, e in disk.entries.items()} if disk else {}
-        self.client = ClientSession(
-            SessionOptions(
-                client="pair",
-                credit_bytes=credit_bytes,
-                release_factor=release_factor,
-                max_bytes=max_bytes,
-            ),
-            SegmentCache(cache_bytes),
-            on_disk,
-        )
+        """Payloads by key, as a disk cache would hold them; None: no disk."""
+        boxes = {scene_key: tuple(scene.table.bounds[row].tolist())
+                 for row, scene_key in enumerate(scene.table.hashes.tolist())
+                 if scene_key in (disk or {})}  # fmt: skip
+        options = SessionOptions(client="pair", credit_bytes=credit_bytes, **budgets)
+        self.core = SessionCore(options, SegmentCache(cache_bytes), boxes)
+        self.budgets = options.hello().budgets
+        self.server: Session2 | None = None
+        self.groups: GroupPort | None = None
+        self.hit: Hit | None = None
+        self.down: deque[bytes] = deque()
+        self.restores: deque[int] = deque()
         self.events: list[Event] = []
         self.received: list[int] = []
-        """Ids of segments that came whole from the server, in order."""
-        self.chunk_bytes = 0
-        self.restores: deque[int] = deque()
-        self.spoil: Callable[[PayloadFrame], bytes] | None = None
-        self.server: ServerSession | None = None
-        self.closed: Close | None = None
-        self.now_s = 0.0
-        self.hit: Hit | None = None
-        self.groups: GroupPort | None = None
-        """The next connection's way to the groups."""
+        """Keys of segments that came whole from the server, in order."""
+        self.broken: set[int] = set()
+        """Rows whose payload the server cannot read."""
+        self.spoil: Callable[[bytes], bytes] | None = None
+        """What happens to a frame on its way."""
+        self.messages: list[bytes] = []
+        """What the client sent."""
 
     def connect(self) -> None:
-        """Begin a connection; nothing flows before :meth:`step`."""
-        self.server = ServerSession(
-            self.scene.view, self.limits, session_id="s", now_s=self.now_s, groups=self.groups
+        """Begin a connection."""
+        limits = SessionLimits(max_messages_per_s=1e6)
+        self.server = Session2(
+            self.scene.view, limits, session_id="s", now_s=0.0, groups=self.groups
         )
-        self.closed = None
-        self.client.connected(offer_held=self.offer_held)
+        self.core.connected()
 
     def disconnect(self) -> None:
-        """Lose the connection with everything that was on its way."""
+        """Lose the connection with everything that is on its way."""
         self.server = None
         self.down.clear()
-        self.client.connection_lost()
-        self._collect()
+        self.core.connection_lost()
+        self.collect()
 
-    def step(self) -> bool:
-        """Let one thing happen; return whether anything did."""
-        self._collect()
-        if self.server is None:
-            return False
-        data = self.deliver()
-        has_acted = self.serve()
-        if len(self.down) <= (self.lag if has_acted or data else 0):
-            return has_acted or data
-        self.hear()
-        return True
+    def speak(self) -> bool:
+        """Let the server hear what the client has to say; return whether it said anything."""
+        data = self.core.data_to_send() if self.server is not None else []
+        self.core.sent()
+        self.messages += data
+        for message in data:
+            assert self.server is not None
+            try:
+                self.server.receive(self.server.decode(message, 1 << 20), 0.0)
+            except DecodeError as error:
+                self.server.refuse(error, 0.0)
+        return bool(data)
 
     def serve(self) -> bool:
         """Let the server do one thing; return whether it had any."""
-        action = None if self.server is None else self.server.next_action()
+        if self.server is None or (action := self.server.next_action()) is None:
+            return False
         if isinstance(action, MakePlan):
-            assert self.server is not None
-            self.server.make_plan(self.now_s)
-        elif action is not None:
-            self._carry_out(action)
-        return action is not None
+            self.server.make_plan(0.0)
+        elif isinstance(action, SendMessage):
+            self.down.append(encode(action.message))
+        elif isinstance(action, RunPick):
+            self.server.picked(action.request, self.hit)
+        elif isinstance(action, SendChunk):
+            self._send(action)
+        elif isinstance(action, Close):
+            while self.down:
+                self.hear()
+            self.disconnect()
+        return True
 
-    def hear(self) -> None:
-        """Let the client hear the next thing that the server said, if there is one."""
-        if self.down:
-            self.client.receive(self.down.popleft())
-        self._collect()
+    def hear(self) -> bool:
+        """Let the client hear the next thing that the server said; return whether there was one."""
+        if not self.down:
+            return False
+        self.core.receive(self.down.popleft())
+        self.collect()
+        return True
 
-    def deliver(self) -> bool:
-        """Let the server hear what the client says; return whether it said anything."""
-        assert self.server is not None
-        data = self.client.data_to_send()
-        for frame in data:
-            try:
-                message = decode(frame, Direction.CLIENT_TO_SERVER)
-                self.server.receive(message, self.now_s)
-            except DecodeError as error:
-                self.server.refuse(error, self.now_s)
-        return bool(data)
+    def restore(self) -> bool:
+        """Let the disk answer one request; return whether there was one."""
+        if not self.restores:
+            return False
+        key = self.restores.popleft()
+        data = (self.disk or {}).get(key)
+        if data is None:
+            self.core.lost(key)
+        else:
+            self.core.restored(key, data)
+        self.collect()
+        return True
 
     def settle(self) -> None:
         """Let everything happen that will."""
-        while self.step() or self.restores:
-            self.restore_one()
+        while any([self.speak(), self.serve(), self.hear(), self.restore()]):
+            pass
 
-    def restore_one(self) -> None:
-        """Let the disk answer one request."""
-        if not self.restores:
-            return
-        segment = self.restores.popleft()
-        entry = self.disk.entries.get(segment) if self.disk else None
-        if entry is None:
-            self.client.lost(segment)
-        else:
-            self.client.restored(entry)
-        self._collect()
-
-    def of(self, kind: type[Event]) -> list[Event]:
-        """Events of one kind, in order of arrival."""
+    def of(self, kind: Any) -> list[Any]:
+        """Events of one kind, in order."""
         return [event for event in self.events if isinstance(event, kind)]
 
-    def _carry_out(self, action: object) -> None:
-        assert self.server is not None
-        if isinstance(action, SendMessage):
-            self.down.append(encode(action.message))
-        elif isinstance(action, SendChunk):
-            payload = self.scene.payloads[action.segment]
-            frame = PayloadFrame(
-                action.generation,
-                action.segment,
-                action.offset,
-                action.total,
-                memoryview(payload)[action.offset : action.offset + action.length],
-            )
-            data = encode_frame(frame) if self.spoil is None else self.spoil(frame)
-            self.server.chunks_sent([action], self.now_s)
-            self.chunk_bytes += action.length
-            self.down.append(data)
-        elif isinstance(action, RunPick):
-            self.server.picked(action.request, self.hit)
-        elif isinstance(action, Close):
-            while self.down:
-                self.client.receive(self.down.popleft())
-            self.closed = action
-            self.disconnect()
-
-    def _collect(self) -> None:
-        for event in self.client.events():
+    def collect(self) -> None:
+        """Take what the core reports, as the shell does."""
+        for event in self.core.events():
             self.events.append(event)
             if isinstance(event, RestoreNeeded):
-                self.restores.extend(event.segments)
+                self.restores.extend(event.keys)
             elif isinstance(event, SegmentArrived) and not event.restored:
-                self.received.append(event.entry.facts.segment)
+                self.received.append(event.entry.key)
                 if self.disk is not None:
-                    self.disk.entries[event.entry.facts.segment] = event.entry
-                    self.client.stored_on_disk(event.entry.facts)
+                    self.disk[event.entry.key] = event.entry.payload
+                    self.core.disk_changed(event.entry, ())
 
-
-def expected(scene: ToyScene, position: tuple[float, float, float], radius_m: float) -> tuple:
-    """Brute force: ids of the segments that a landing shows."""
-    return tuple(scene.within(position, radius_m).tolist())
+    def _send(self, chunk: SendChunk) -> None:
+        assert self.server is not None
+        if chunk.segment in self.broken:
+            self.server.payload_failed(chunk, 0.0)
+            return
+        header = self.server.frame_header(chunk, chunk.offset, chunk.length)
+        data = self.scene.payloads[chunk.segment][chunk.offset : chunk.offset + chunk.length]
+        frame = header + data
+        self.down.append(frame if self.spoil is None else self.spoil(frame))
+        self.server.chunks_sent([chunk], 0.0)

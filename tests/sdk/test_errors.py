@@ -37,10 +37,6 @@ from terraport import errors
                 "0, 1, 2, 3, 4, 5, 6, 7 and 2 more"
             ),
         ),
-        (
-            errors.CorruptSegmentError(3, 1, 2, "stream"),
-            "segment 3 from stream has xxh3 0000000000000001, expected 0000000000000002",
-        ),
     ],
 )
 def test_texts(error: errors.TerraportError, text: str) -> None:

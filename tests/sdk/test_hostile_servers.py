@@ -11,13 +11,12 @@ from contextlib import asynccontextmanager, contextmanager
 from typing import Any
 
 import pytest
-import xxhash
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 
 import terraport
 from terraport import Timeouts, backoff
-from terraport.access import Access
+from terraport.address import Access, SceneUrl
 from terraport.errors import (
     ConnectionFailedError,
     HttpError,
@@ -28,39 +27,25 @@ from terraport.errors import (
     TerraportError,
 )
 from terraport.http import SceneHttp
-from terraport.urls import SceneUrl
-from terraport_wire import (
-    CloseCode,
-    Error,
-    PayloadFrame,
-    SceneInfo,
-    ServerLimits,
-    Welcome,
-    encode,
-    encode_frame,
-)
+from terraport_wire import CloseCode, encode
+from terraport_wire.protocol_2 import SUBPROTOCOL, Limits, SceneFacts, Welcome, frame_header
 
 WELCOME = encode(
     Welcome(
-        protocol=(1, 0),
         server="hostile",
         session="s",
-        scene=SceneInfo(id="x", version="v", name="x", segment_count=10),
-        limits=ServerLimits(
+        scene=SceneFacts(id="x", version="v", name="x", segment_count=10, base_faces=8, levels=1),
+        limits=Limits(
             max_radius_m=500,
             max_message_bytes=1 << 20,
             max_messages_per_s=60,
-            max_held_segments=10,
-            max_plan_segments=10,
             max_credit_bytes=1 << 20,
             idle_timeout_s=60,
+            groups="none",
         ),
-        release_factor=1.25,
-        dropped=[],
-        held_count=0,
     ),
 )
-FRAME = encode_frame(PayloadFrame(77, 3, 0, 4, memoryview(b"mesh")))
+FRAME = frame_header(generation=1, key=3, offset=4, total=8) + b"mesh"
 
 Behaviour = Callable[[ServerConnection], Awaitable[None]]
 
@@ -88,7 +73,7 @@ async def hostile(behave: Behaviour) -> AsyncIterator[tuple[str, list[int]]]:
         closes.append(connection.close_code or 0)
 
     async with serve(
-        handle, "127.0.0.1", 0, subprotocols=["terraport.v1.msgpack"], max_size=1 << 20
+        handle, "127.0.0.1", 0, subprotocols=[SUBPROTOCOL], max_size=1 << 20
     ) as server:
         yield f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}/scenes/x", closes
 
@@ -110,7 +95,7 @@ def says(*messages: bytes | str, welcome: bool = True) -> Behaviour:
         (b"\xc1", "msgpack|value"),
         (b"", "end of the message"),
         ("{}", "text message"),
-        (FRAME, "generation 77, which no landing"),
+        (FRAME, "got byte 4 of"),
         (FRAME[:10], "header"),
         (WELCOME, "second welcome"),
     ],
@@ -179,33 +164,6 @@ def test_a_final_close_code_without_a_message_is_an_error_too(code: int) -> None
     run(work())
 
 
-def test_an_offer_that_is_too_large_is_made_once(tmp_path) -> None:
-    """Then without held segments, rather than never again."""
-    offers: list[int] = []
-
-    async def behave(connection: ServerConnection) -> None:
-        hello = await connection.recv()
-        offers.append(len(hello))
-        if len(offers) == 1:
-            error = Error(code="too_large", message="too many held", fatal=True)
-            await connection.send(encode(error))
-            await connection.close(CloseCode.TOO_LARGE, "too_large")
-        else:
-            await connection.send(WELCOME)
-
-    async def work() -> None:
-        async with hostile(behave) as (url, _):
-            scene = tmp_path / SceneUrl.parse(url).key
-            scene.mkdir()
-            for segment in range(5):
-                (scene / f"{segment}-{segment:016x}.segment-2").write_bytes(b"x")
-            async with terraport.connect(url, cache_dir=tmp_path):
-                pass
-        assert offers[0] - offers[1] == 5 * 12
-
-    run(work())
-
-
 def test_a_server_that_always_closes_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """It says welcome and closes, again and again: ``reconnect_s`` bounds it."""
     monkeypatch.setattr(backoff, "LONGEST_WAIT_S", 0.05)
@@ -238,43 +196,26 @@ def test_a_web_page_is_no_scene() -> None:
     run(work())
 
 
-BASE = b"no mesh"
-
-
 @pytest.mark.parametrize(
     ("answers", "error", "text"),
     [
-        ({"/scenes/x": b"<html>"}, HttpError, "no JSON"),
-        ({"/scenes/x": b"[]"}, HttpError, "got list, expected an object"),
         (
-            {"/scenes/x": {"files": {"base.glb": {"xxh3": "0" * 16}}}, "/scenes/x/base.glb": BASE},
-            ProtocolViolationError,
-            "expected 0000000000000000",
-        ),
-        (
-            {
-                "/scenes/x": {
-                    "files": {
-                        name: {"xxh3": xxhash.xxh3_64_hexdigest(BASE)}
-                        for name in ("base.glb", "base.cover")
-                    }
-                },
-                "/scenes/x/base.glb": BASE,
-                "/scenes/x/base.cover": BASE,
-            },
+            {"/scenes/x": {"files": {}}, "/scenes/x/base.glb": b"no mesh"},
             ProtocolViolationError,
             "base mesh: ",
         ),
         ({"/scenes/x": {"files": {}}}, HttpError, "answered 404"),
+        ({"/scenes/x": b"[]"}, HttpError, "expected an object"),
+        ({"/scenes/x": b"{"}, HttpError, "no JSON"),
     ],
 )
-def test_a_base_mesh_that_is_not_as_promised_is_refused(answers, error, text: str) -> None:
+def test_a_base_mesh_that_cannot_be_had_is_an_error(answers, error, text: str) -> None:
     async def work() -> None:
         with pages(answers) as server:
             http_side = SceneHttp(SceneUrl.parse(f"{server}/scenes/x"), Access(None), 5.0)
             try:
                 with pytest.raises(error, match=text):
-                    await http_side.base("v", None)
+                    await http_side.base("v", None, frozenset)
             finally:
                 await http_side.aclose()
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from terraport.errors import UsageError
-from terraport.places import find_place, places_of
+from terraport.places import coarser_pieces, find_place, places_of
 
 VIEW = {"position": [1.0, 2.0, -3.0], "heading_deg": 270.0, "radius_m": 25.0}
 REGIONS = {
@@ -50,3 +52,41 @@ def test_a_place_is_found_by_its_name_or_stable_id() -> None:
         find_place(places, "lake")
     with pytest.raises(UsageError, match="none has a name yet"):
         find_place((), "lake")
+
+
+UNITED: dict[str, Any] = {
+    "regions": [
+        {"stable_id": 4, "area_m2": 2.0, "label": "field"},
+        {"stable_id": 5, "area_m2": 3.0},
+        {"stable_id": 6, "area_m2": 5.0, "label": "meadow"},
+        {"stable_id": 7, "area_m2": 7.0},
+    ],
+    "unions": [[0, 1, 1.5], [2, 4, 2.0], [3, 5, 2.0]],
+}
+TAUGHT = {"labels": [{"stable_id": 7, "label": "wood"}]}
+
+
+def test_they_grow_from_cost_to_cost() -> None:
+    small, whole = coarser_pieces(UNITED, {}, 1)
+    assert (small.cost, small.regions, small.area_m2, small.label) == (1.5, (0, 1), 5.0, "field")
+    assert (whole.cost, whole.regions, whole.area_m2, whole.label) == (
+        2.0, (0, 1, 2, 3), 17.0, "meadow",
+    )  # fmt: skip
+    assert coarser_pieces(UNITED, {}, 3) == (whole,), "two at one cost are one answer"
+
+
+def test_what_users_say_comes_first() -> None:
+    (whole,) = coarser_pieces(UNITED, TAUGHT, 3)
+    assert whole.label == "wood"
+
+
+@pytest.mark.parametrize(
+    "unions", [None, 3, [], [[0, 9, 2]], [[0, 0, 2]], [[0, 1]], [[0, 1, "2"]], ["x"]]
+)
+def test_without_unions_that_can_be_read_there_are_none(unions: object) -> None:
+    assert coarser_pieces({**UNITED, "unions": unions}, TAUGHT, 0) == ()
+
+
+def test_a_region_that_is_not_there_has_none() -> None:
+    assert coarser_pieces(UNITED, TAUGHT, 4) == coarser_pieces(UNITED, TAUGHT, -1) == ()
+    assert coarser_pieces({}, {}, 0) == ()

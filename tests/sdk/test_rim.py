@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terraport import rim
-from terraport.rim import rim_heights
+from terraport import mesh as rim
+from terraport.mesh import rim_heights
 
 SQUARE = np.float32([[0, 0, 0], [0, 0, 4], [4, 0, 4], [4, 0, 0]])
 FACES = np.int32([[0, 1, 2], [0, 2, 3]])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from terraport.scene_box import SceneBox
+from terraport.outside import SceneBox
 
 BOX = SceneBox((-0.01, 90.0, -50.0), (100.0, 120.0, 50.0), (500_000.0, 8_000_000.0, 100.0))
 

@@ -1,4 +1,4 @@
-"""Traces: the document, the server's clock laid on the client's, landings that failed."""
+"""Traces: the document, and landings that failed."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from terraport.trace import LandingTrace, SegmentMark, trace_document, write_trace
-from terraport_wire import Timings
 
 
 def whole() -> LandingTrace:
@@ -28,9 +27,6 @@ def whole() -> LandingTrace:
             SegmentMark(1, 100.040, 1000, "stream"),
             SegmentMark(2, 100.080, 2000, "stream"),
         ],
-        server=Timings(
-            plan_us=4000, first_byte_us=5000, last_byte_us=60_000, ready_us=60_100, credit_wait_us=9
-        ),
     )
 
 
@@ -56,22 +52,6 @@ def test_spans_of_the_client() -> None:
     assert events["landing"]["args"]["server_landing"] == "abc-7"
 
 
-def test_the_server_lies_between_sending_and_plan() -> None:
-    trace = whole()
-    # Received between 100.001 (sent) and 100.021 (plan's arrival less 4 ms): 100.011, +- 10 ms.
-    began = trace.server_began_s
-    assert began is not None
-    assert [round(value, 6) for value in began] == [100.011, 0.010]
-    events = by_name(trace_document([trace]))
-    assert events["server: landing"]["ts"] == 11_000.0
-    assert events["server: landing"]["args"] == {
-        "credit_wait_ms": 0.009,
-        "clock_may_be_wrong_by_ms": 10.0,
-    }
-    assert events["server: payload"]["dur"] == 55_000.0
-    assert events["server: to first byte"]["ts"] == 15_000.0
-
-
 def test_a_landing_that_failed_and_one_that_only_began() -> None:
     failed = LandingTrace(2, 5.0, sent_s=5.1, ended_by="LandingSupersededError", ended_s=6.0)
     began = LandingTrace(3, 5.5)
@@ -83,12 +63,6 @@ def test_a_landing_that_failed_and_one_that_only_began() -> None:
     assert events["landing"]["args"]["ended_by"] == "LandingSupersededError"
     assert events["landing"]["dur"] == 1_000_000.0
     assert trace_document([])["traceEvents"] == []
-
-
-def test_a_server_without_timings_has_no_track() -> None:
-    trace = whole()
-    trace.server = None
-    assert not [name for name in by_name(trace_document([trace])) if name.startswith("server")]
 
 
 def test_the_file_is_what_viewers_read(tmp_path: Path) -> None:
@@ -103,4 +77,4 @@ def test_the_file_is_what_viewers_read(tmp_path: Path) -> None:
             assert event["ts"] >= 0
             assert event["dur"] >= 0
     tracks = {e["args"]["name"] for e in document["traceEvents"] if e["name"] == "thread_name"}
-    assert tracks == {"landing", "segments", "server"}
+    assert tracks == {"landing", "segments"}

@@ -61,13 +61,13 @@ def test_json_for_programs(land, server: BackgroundServer, grid: GridScene) -> N
         "--radius",
         100,
         "--max-bytes",
-        50_000,
+        10_000,
         "--json",
     )
     facts = json.loads(shown.stdout)
     (landing,) = facts["landings"]
     assert facts["scene"]["version"] == grid.manifest.version
-    assert landing["streamed_bytes"] == landing["load_bytes"] <= 50_000
+    assert landing["streamed_bytes"] == landing["load_bytes"] <= 10_000
     assert landing["omitted_by"] == "max_bytes"
     assert len(facts["visible_set_hash"]) == 16
 

@@ -38,7 +38,7 @@ def test_a_landing_survives_any_number_of_cuts(server: BackgroundServer, big: Gr
     async def work() -> None:
         async with Proxy(server.url) as proxy:
             chance = random.Random(3)
-            proxy.cuts = [chance.randrange(60_000, 400_000) for _ in range(9)]
+            proxy.cuts = [chance.randrange(70_000, 400_000) for _ in range(9)]
             url = f"{proxy.url}/scenes/big"
             async with terraport.connect(url, credit_bytes=100_000) as session:
                 landing = await session.land(CENTRE, radius_m=EVERYWHERE_M)
@@ -122,7 +122,7 @@ def test_nobody_there_for_too_long_ends_the_session(server: BackgroundServer) ->
 def test_a_bit_flipped_on_the_way_is_found_and_sent_again(
     server: BackgroundServer, big: GridScene
 ) -> None:
-    """TCP's checksum misses one in 65,536; the content hash does not."""
+    """TCP's checksum misses one in 65,536; the segment's own does not."""
 
     async def work() -> None:
         async with (

@@ -101,7 +101,7 @@ positions = st.tuples(st.floats(0, 60), st.floats(0, 2), st.floats(0, 60))
 def test_after_every_hop_exactly_what_is_within_the_radius_is_shown(
     server: BackgroundServer, grid: GridScene
 ) -> None:
-    """By brute force; and what is kept beside it comes back without a byte."""
+    """By brute force, with no room in memory but for that; the same place again takes no byte."""
 
     async def walk(hops: list[tuple[tuple[float, float, float], float]]) -> None:
         async with terraport.connect(
@@ -112,12 +112,10 @@ def test_after_every_hop_exactly_what_is_within_the_radius_is_shown(
                 segments = await landing.ready(10)
                 within = brute_force(grid, position, radius_m)
                 assert [segment.id for segment in segments] == within == list(session.visible)
-                reach = set(brute_force(grid, position, landing.plan.release_radius_m))
-                nearby = set(landing.plan.nearby.tolist())
-                assert nearby <= reach - set(within)
-            again = await session.land(position, landing.plan.release_radius_m)
+                assert session.hidden_faces.sum() == 2 * len(within)
+            again = await session.land(position, radius_m)
             await again.ready(10)
-            assert nearby | set(within) == set(again.plan.keep.tolist())
+            assert again.plan.load_bytes == 0
             assert session.stats.repeated_bytes == 0
 
     # Inside: the scene's bytes are no argument to be printed.
@@ -161,8 +159,12 @@ def test_base_and_hidden_faces(server: BackgroundServer) -> None:
             assert len(first.mesh.faces) == 2 * SIDE * SIDE
             landing = await session.land(CENTRE, radius_m=12.0)
             await landing.ready(10)
-            assert first.hidden_faces(session.visible).sum() == 2 * len(session.visible)
-            model = terraport.mixed_model(first, {s.id: s.arrays() for s in landing.segments})
+            hidden = landing.hidden_faces
+            assert hidden.sum() == 2 * len(session.visible)
+            assert (session.hidden_faces == hidden).all()
+            model = terraport.mixed_model(
+                first, {s.id: s.arrays() for s in landing.segments}, hidden
+            )
             assert len(model.faces) == 72 - 2 * len(session.visible) + sum(
                 segment.faces for segment in landing.segments
             )
@@ -263,7 +265,10 @@ def test_a_deadline_makes_the_inner_set_presentable(server: BackgroundServer) ->
             inner = await landing.presentable(20)
             assert [segment.id for segment in inner] == [0]
             assert not landing.is_ready
+            assert landing.hidden_faces.sum() == 2
             assert session.visible == ()
+            with pytest.raises(UsageError, match="with inner_radius_m"):
+                await session.land(CENTRE, deadline_s=1.0)
 
     run(work())
 
@@ -290,8 +295,7 @@ def test_a_payload_that_is_broken_on_the_servers_disk_is_named(tmp_path: Path) -
                 assert [segment.id for segment in rest] == [
                     segment for segment in brute_force(grid, CORNER, 15.0) if segment != 0
                 ]
-                hidden = (await session.base()).hidden_faces(session.visible)
-                assert hidden.sum() == 2 * len(rest)
+                assert session.hidden_faces.sum() == 2 * len(rest)
                 with pytest.raises(LandingIncompleteError):
                     await _all(landing)
 
@@ -345,13 +349,13 @@ def test_a_first_connection_waits_for_a_service_that_is_replaced(tmp_path: Path)
 )
 def test_budgets_are_never_exceeded(server: BackgroundServer, budget: str, total: str) -> None:
     async def work() -> None:
-        limit = {"max_triangles": 2000, "max_bytes": 20_000, "max_segments": 7}[budget]
+        limit = {"max_triangles": 2000, "max_bytes": 6_000, "max_segments": 7}[budget]
         async with terraport.connect(server.scene_url("grid"), **{budget: limit}) as session:
             for position in (CENTRE, CORNER):
                 landing = await session.land(position, radius_m=EVERYWHERE_M)
                 await landing.ready(10)
                 plan = landing.plan
-                count = len(plan.load) + len(plan.keep)
+                count = len(plan.show)
                 assert (getattr(plan, total) if total else count) <= limit
                 assert plan.omitted_by == budget
                 assert plan.effective_radius_m < EVERYWHERE_M

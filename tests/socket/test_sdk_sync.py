@@ -31,7 +31,7 @@ def test_it_does_what_the_asynchronous_one_does(server: BackgroundServer) -> Non
         assert landing.missing == ()
         assert landing.stats.plans == landing.number == 1
         assert len(landing.presentable()) == len(landing.segments)
-        assert session.base().hidden_faces(session.visible).sum() == 2 * len(seen)
+        assert session.hidden_faces.sum() == 2 * len(seen)
         assert len(session.visible_set_hash()) == 16
         assert session.pick((5.0, 50.0, 5.0)).segment == 0
         assert session.manifest()["id"] == session.scene.id == "grid"
@@ -63,10 +63,18 @@ def test_failing_to_open_leaves_no_thread(server: BackgroundServer) -> None:
     assert threads() == []
 
 
+def test_a_session_without_a_block(server: BackgroundServer) -> None:
+    session = terraport.sync.connect(server.scene_url("grid")).open()
+    assert session.land(CENTRE, radius_m=5.0).ready(10)
+    session.close()
+    session.close()
+    assert threads() == []
+
+
 def test_outside_its_block_it_says_so(server: BackgroundServer) -> None:
     assert repr(terraport.sync.connect(server.url)) == "<Session, not open yet>"
     session = terraport.sync.connect(server.scene_url("grid"))
-    with pytest.raises(SessionClosedError, match="not entered"):
+    with pytest.raises(SessionClosedError, match="not opened"):
         session.land(CENTRE)
     with session:
         landing = session.land(CENTRE, radius_m=5.0)

@@ -42,7 +42,7 @@ def test_segments_arrive_with_their_images(server: BackgroundServer, tiny: TinyS
         assert (mesh.texture == image) is (number % 2 == 0)
         assert (mesh.colours is None) is (number % 2 == 0)
     assert base.mesh.texture == image
-    drawn = terraport.mixed_model(base, segments)
+    drawn = terraport.mixed_model(base, segments, landing.hidden_faces)
     assert drawn.colours is not None  # some with textures, some with colours: all have colours
 
 

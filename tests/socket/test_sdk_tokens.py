@@ -109,11 +109,9 @@ def test_the_command_line_lands_with_a_signed_token_and_writes_a_trace(
         assert "unauthorised" in refused.output
     events = json.loads(trace.read_text())["traceEvents"]
     first = {event["name"]: event for event in events if event["pid"] == 1}
-    for name in ("landing", "send", "wait for plan", "stream", "server: landing", "server: plan"):
+    for name in ("landing", "send", "wait for plan", "stream"):
         assert first[name]["ph"] == "X", name
-    whole, server_side = first["landing"], first["server: landing"]
-    assert whole["ts"] <= server_side["ts"]
-    assert server_side["ts"] + server_side["dur"] <= whole["ts"] + whole["dur"] + 5000
+    whole = first["landing"]
     facts = json.loads(result.stdout)
     assert whole["args"]["streamed_bytes"] == facts["landings"][0]["streamed_bytes"] > 0
     second = {event["name"]: event for event in events if event["pid"] == 2}

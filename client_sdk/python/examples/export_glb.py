@@ -12,11 +12,13 @@ import terraport
 
 def main(url: str, position: tuple[float, float, float], path: str) -> None:
     with terraport.sync.connect(url) as session:
-        segments = session.land(position, radius_m=30).ready(timeout_s=120)
+        landing = session.land(position, radius_m=30)
+        segments = landing.ready(timeout_s=120)
         manifest = session.manifest()
         model = terraport.mixed_model(
             session.base(),
             {segment.id: segment.arrays() for segment in segments},
+            landing.hidden_faces,
             sink_rim_m=manifest["hand_off"]["deviation_m"],
         )
     size = terraport.write_glb(model, path, step_m=manifest["step_m"])

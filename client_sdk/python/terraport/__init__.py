@@ -23,20 +23,16 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     from terraport import errors, sync
     from terraport.base import BaseMesh
-    from terraport.client import connect
-    from terraport.coarser import CoarserPiece
     from terraport.errors import LandingSuperseded, TerraportError
     from terraport.frames import crs_positions
     from terraport.group import Arrivals, Group, GroupLanding
-    from terraport.landing import Landing, LandingStats
-    from terraport.live import Session
+    from terraport.landing import Landing, LandingPlan, LandingStats, Segment
     from terraport.mesh import mixed_model, to_trimesh, write_glb
     from terraport.obj import write_obj
-    from terraport.places import Place
-    from terraport.segment import Segment
-    from terraport.session_stats import SessionStats
+    from terraport.options import Timeouts
+    from terraport.places import CoarserPiece, Place
+    from terraport.session import Session, SessionStats, connect
     from terraport.textures import decode_texture, vertex_colours
-    from terraport.timeouts import Timeouts
     from terraport.trace import LandingTrace, write_trace
     from terraport.version import __version__
 
@@ -47,6 +43,7 @@ __all__ = [
     "Group",
     "GroupLanding",
     "Landing",
+    "LandingPlan",
     "LandingStats",
     "LandingSuperseded",
     "LandingTrace",
@@ -74,22 +71,23 @@ __all__ = [
 _HOMES: Final = {
     "Arrivals": "group",
     "BaseMesh": "base",
-    "CoarserPiece": "coarser",
+    "CoarserPiece": "places",
     "Group": "group",
     "GroupLanding": "group",
     "Landing": "landing",
+    "LandingPlan": "landing",
     "LandingStats": "landing",
     "LandingSuperseded": "errors",
     "LandingTrace": "trace",
     "OutsideSceneWarning": "errors",
     "Place": "places",
-    "Segment": "segment",
-    "Session": "live",
-    "SessionStats": "session_stats",
+    "Segment": "landing",
+    "Session": "session",
+    "SessionStats": "session",
     "TerraportError": "errors",
-    "Timeouts": "timeouts",
+    "Timeouts": "options",
     "__version__": "version",
-    "connect": "client",
+    "connect": "session",
     "crs_positions": "frames",
     "decode_texture": "textures",
     "mixed_model": "mesh",

@@ -14,8 +14,7 @@
     │   ├── LandingSupersededError            a newer landing took its place
     │   ├── LandingTimeoutError (also TimeoutError)
     │   └── LandingIncompleteError            some segments could not be delivered whole
-    ├── GroupError                            a group landing or a group is over
-    └── CorruptSegmentError                   bytes that do not have the promised hash
+    └── GroupError                            a group landing or a group is over
 
     OutsideSceneWarning (a UserWarning)       a landing where nothing of the scene can be
 
@@ -29,7 +28,6 @@ from dataclasses import dataclass
 
 __all__ = [
     "ConnectionFailedError",
-    "CorruptSegmentError",
     "GroupError",
     "HttpError",
     "LandingError",
@@ -105,7 +103,7 @@ class ServerError(TerraportError):
     """The server refused something, in the words of the wire protocol."""
 
     code: str
-    """Stable error code, for example ``"unauthorised"``; see ``spec/wire-protocol.md``."""
+    """Stable error code, for example ``"unauthorised"``; see ``spec/protocol-2.md``."""
     message: str
     fatal: bool = False
     """True when the server closes the connection with it."""
@@ -194,7 +192,7 @@ class LandingIncompleteError(LandingError):
 
     landing: int
     missing: Sequence[int]
-    """Segment ids that the server listed as missing or that came twice with a wrong hash."""
+    """Segment ids that the server listed as missing or that came damaged twice."""
 
     def __str__(self) -> str:
         shown = ", ".join(str(segment) for segment in self.missing[:8])
@@ -202,23 +200,4 @@ class LandingIncompleteError(LandingError):
         return (
             f"landing {self.landing} is ready but for {len(self.missing)} segment(s) "
             f"that could not be delivered whole: {shown}{more}"
-        )
-
-
-@dataclass(eq=False)
-class CorruptSegmentError(TerraportError):
-    """A segment's bytes do not have the promised hash."""
-
-    segment: int
-    actual: int
-    """xxh3-64 of the bytes."""
-    expected: int
-    """xxh3-64 that the plan (or the cache's file name) promised."""
-    where: str
-    """Where the bytes came from: ``"stream"`` or a file's path."""
-
-    def __str__(self) -> str:
-        return (
-            f"segment {self.segment} from {self.where} has xxh3 {self.actual:016x}, "
-            f"expected {self.expected:016x}"
         )

@@ -1,65 +1,33 @@
-"""What the session state machine reports: values, in the order in which they happened.
+"""What the session core reports: values, in the order in which they happened.
 
 PURE: no I/O, no clock.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from terraport.cache import CachedSegment
-from terraport.pull_ranges import Fetch, PackAddress
-from terraport_wire import Gathering, Hit, Member, Plan, SceneInfo, ServerLimits, Timings
+from terraport_wire import Gathered, Gathering, Hit, Joined, Notice, Roster
+from terraport_wire.protocol_2 import Land, Limits, Plan, SceneFacts
 
 __all__ = [
-    "Degraded",
-    "Dropped",
-    "Event",
-    "FetchNeeded",
-    "FetchStopped",
-    "GroupCalled",
-    "GroupGathered",
-    "GroupJoined",
-    "GroupRefused",
-    "GroupRoster",
-    "LandingSent",
-    "Noticed",
-    "Opened",
-    "PayloadBegan",
-    "PickAnswered",
-    "PickRefused",
-    "Planned",
-    "Prefetched",
-    "Ready",
-    "Refused",
-    "RestoreNeeded",
-    "SegmentArrived",
-    "SegmentRejected",
-    "Superseded",
-]
+    "Event", "GroupEvent", "GroupRefused", "InnerWhole", "LandingEvent", "LandingSent", "Opened",
+    "PayloadBegan", "PickAnswered", "PickRefused", "Planned", "Refused", "RestoreNeeded",
+    "SegmentArrived", "SegmentRejected", "Shown", "Superseded",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
 class Opened:
-    """The server said welcome; held segments that it does not know any more are dropped already."""
+    """The server said welcome."""
 
-    scene: SceneInfo
-    limits: ServerLimits
+    scene: SceneFacts
+    limits: Limits
     session: str
     """The server's name for this session, for logs."""
-    held_count: int
-    """Offered segments that the server accepted."""
     version_changed: bool
-    """True when an earlier connection of this session served another version."""
-
-
-@dataclass(frozen=True, slots=True)
-class Dropped:
-    """These ids are held no more: not of the served version, or of a server that takes no offer."""
-
-    segments: tuple[int, ...]
-    on_disk: tuple[tuple[int, int], ...]
-    """Id and xxh3 of those that a disk cache deletes."""
+    """Whether an earlier connection of this session served another version."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,90 +39,76 @@ class LandingSent:
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """A landing has its plan; after a reconnect it gets another one."""
+    """A landing has its plan; asked for again, it gets another one."""
 
     landing: int
+    land: Land
     plan: Plan
-    kept: tuple[CachedSegment, ...]
-    """What of ``plan.keep`` is in memory, ascending id."""
+    here: tuple[CachedSegment, ...]
+    """What of ``plan.show`` is in memory, in its order."""
+    came: frozenset[int]
+    """Keys of those of them that came since the landing was asked for."""
 
 
 @dataclass(frozen=True, slots=True)
 class PayloadBegan:
-    """The first chunk of a landing is here."""
+    """The first payload of a landing is here."""
 
     landing: int
 
 
 @dataclass(frozen=True, slots=True)
 class SegmentArrived:
-    """One segment is whole and has the right hash."""
+    """One segment is whole, and its checksums are right."""
 
     landing: int | None
-    """The landing that it belongs to; None for a prefetched one."""
+    """The landing that is planned and shows it."""
     entry: CachedSegment
     restored: bool = False
-    """True when it came from the disk cache and not from the server."""
+    """Whether it came from the disk cache and not from the server."""
 
 
 @dataclass(frozen=True, slots=True)
 class SegmentRejected:
-    """One segment came with a wrong hash, or the disk cache lost it; it was asked for again."""
+    """One segment came damaged, or the disk cache has lost it; a landing asks for it again."""
 
     landing: int | None
-    segment: int
-    actual: int | None
-    """xxh3-64 of what came; None when nothing is left."""
-    expected: int
-    """xxh3-64 that was promised."""
+    key: int
+    on_disk: bool = False
+    """Whether it is the file that is damaged or gone."""
 
 
 @dataclass(frozen=True, slots=True)
 class RestoreNeeded:
-    """The plan keeps segments that only the disk holds.
+    """The plan counts on segments that only the disk holds.
 
-    The caller must answer each with :meth:`ClientSession.restored` or :meth:`ClientSession.lost`.
+    The caller answers each with :meth:`SessionCore.restored` or :meth:`SessionCore.lost`.
     """
 
-    landing: int
-    segments: tuple[int, ...]
+    keys: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class FetchNeeded:
-    """A session that pulls needs these payloads, the most urgent first, and no other any more.
-
-    The caller answers each with :meth:`ClientSession.fetched`, or all of them with
-    :meth:`ClientSession.stop_pulling` and another connection.
-    """
-
-    address: PackAddress
-    fetches: tuple[Fetch, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class FetchStopped:
-    """Nothing is to be fetched until the next :class:`FetchNeeded`."""
-
-
-@dataclass(frozen=True, slots=True)
-class Degraded:
-    """The deadline passed and the inner set is whole; the landing goes on."""
+class InnerWhole:
+    """The user's patience is over and the inner set is whole; the landing goes on."""
 
     landing: int
-    segments: tuple[int, ...]
+    ids: tuple[int, ...]
+    hidden: bytes
+    """Base faces, one bit each, the lowest bit first."""
 
 
 @dataclass(frozen=True, slots=True)
-class Ready:
+class Shown:
     """The landing is whole, and is what is visible from now on."""
 
     landing: int
-    shown: tuple[int, ...]
-    """Visible ids, ascending: load and keep of the plan, less the missing ones."""
+    ids: tuple[int, ...]
+    """Visible segments, ascending."""
     missing: tuple[int, ...]
-    timings: Timings | None = field(default=None, compare=False)
-    """When the server did what, where it says so."""
+    """Segments that could not be delivered, ascending."""
+    hidden: bytes
+    """Base faces, one bit each, the lowest bit first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,12 +120,13 @@ class Superseded:
 
 
 @dataclass(frozen=True, slots=True)
-class Prefetched:
-    """Everything that an aim asked for is held."""
+class Refused:
+    """The server refused one landing, or (fatal) the connection."""
 
-    aim: int
-    segments: int
-    payload_bytes: int
+    code: str
+    message: str
+    fatal: bool
+    landing: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,35 +147,6 @@ class PickRefused:
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
-    """The server refused something: one landing, one aim, or (fatal) the connection."""
-
-    code: str
-    message: str
-    fatal: bool
-    landing: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Noticed:
-    """News from the server."""
-
-    kind: str
-    version: str | None
-    reconnect_after_ms: int | None
-
-
-@dataclass(frozen=True, slots=True)
-class GroupJoined:
-    """The session has a seat in its group, or has it again after a reconnect."""
-
-    request: int
-    group: str
-    member: int
-    role: str
-
-
-@dataclass(frozen=True, slots=True)
 class GroupRefused:
     """The server refused to let the session join or gather."""
 
@@ -229,52 +155,12 @@ class GroupRefused:
     message: str
 
 
-@dataclass(frozen=True, slots=True)
-class GroupRoster:
-    """Who is in the group now."""
+GroupEvent = Joined | GroupRefused | Roster | Gathering | Gathered
+"""The group's messages are events as they are, once the seat has sorted out what crossed."""
 
-    members: tuple[Member, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class GroupCalled:
-    """The guide lands the group; older group landings are over."""
-
-    gathering: Gathering
-
-
-@dataclass(frozen=True, slots=True)
-class GroupGathered:
-    """The barrier of a group landing is open; members by number."""
-
-    gathering: int
-    ready: tuple[int, ...]
-    degraded: tuple[int, ...]
-    missing: tuple[int, ...]
-
+LandingEvent = LandingSent | Planned | PayloadBegan | InnerWhole | Shown | Superseded | Refused
 
 Event = (
-    Opened
-    | Dropped
-    | Planned
-    | SegmentArrived
-    | SegmentRejected
-    | RestoreNeeded
-    | FetchNeeded
-    | FetchStopped
-    | Degraded
-    | LandingSent
-    | PayloadBegan
-    | Ready
-    | Superseded
-    | Prefetched
-    | PickAnswered
-    | PickRefused
-    | Refused
-    | Noticed
-    | GroupJoined
-    | GroupRefused
-    | GroupRoster
-    | GroupCalled
-    | GroupGathered
-)
+    Opened | LandingEvent | SegmentArrived | SegmentRejected | RestoreNeeded
+    | PickAnswered | PickRefused | Notice | GroupEvent
+)  # fmt: skip

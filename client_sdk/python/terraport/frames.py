@@ -11,7 +11,7 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final, overload
+from typing import Any, Final
 
 import numpy as np
 
@@ -28,18 +28,6 @@ _COLUMN: Final = {"east": 0, "west": 0, "north": 1, "south": 1, "up": 2, "down":
 _BACKWARDS: Final = frozenset({"west", "south", "down"})
 
 
-@overload
-def to_scene(
-    coordinates: Sequence[float],
-    origin: Sequence[float],
-    survey_units: Mapping[str, Any] | None = None,
-) -> Point: ...
-@overload
-def to_scene(
-    coordinates: AnyArray,
-    origin: Sequence[float],
-    survey_units: Mapping[str, Any] | None = None,
-) -> Any: ...
 def to_scene(
     coordinates: Sequence[float] | AnyArray,
     origin: Sequence[float],
@@ -75,18 +63,6 @@ def to_scene(
     return _result(np.stack([east, height, -north], axis=1), is_one)
 
 
-@overload
-def to_crs(
-    position: Sequence[float],
-    origin: Sequence[float],
-    survey_units: Mapping[str, Any] | None = None,
-) -> Point: ...
-@overload
-def to_crs(
-    position: AnyArray,
-    origin: Sequence[float],
-    survey_units: Mapping[str, Any] | None = None,
-) -> Any: ...
 def to_crs(
     position: Sequence[float] | AnyArray,
     origin: Sequence[float],

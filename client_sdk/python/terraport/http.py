@@ -1,31 +1,34 @@
-"""What a client asks over HTTP beside the stream: the manifest, the base mesh and its cover.
+"""What a client asks over HTTP beside the stream: the manifest, the base mesh, regions and labels.
 
 Everything is asked for by version, so nothing that comes back ever changes: what the disk cache has
-of a version is used without asking, after its hash was compared with the manifest's.
+of a version is used without asking.
 """
 
 from __future__ import annotations
 
 import asyncio
 import json
+import re
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import httpx
-import xxhash
 
-from terraport.access import Access
+from terraport.address import Access, SceneUrl
+from terraport.backoff import why_unreached
 from terraport.base import BaseMesh
-from terraport.coarser import CoarserPiece, coarser_pieces
-from terraport.disk_cache import DiskCache
-from terraport.errors import HttpError, ProtocolViolationError, UsageError
-from terraport.places import Place, places_of
-from terraport.unreached import why_unreached
-from terraport.urls import SceneUrl
+from terraport.disk import DiskCache
+from terraport.errors import HttpError, ProtocolViolationError, TerraportError, UsageError
+from terraport.places import CoarserPiece, Place, coarser_pieces, places_of
+from terraport_payload import AttributeScale, PayloadError
 
-__all__ = ["MAX_BASE_BYTES", "SceneHttp"]
+__all__ = ["Scales", "SceneHttp", "scales_of"]
 
-MAX_BASE_BYTES: Final = 1 << 30
-"""Largest base mesh or cover that is read; a base of 5 M faces takes about 60 MB."""
+Scales = Mapping[str, AttributeScale] | TerraportError
+"""Scales of a scene version's attributes, or the error of the request for them."""
+
+_MAX_BASE_BYTES: Final = 1 << 30
+"""Largest base mesh that is read; one of 5 M faces takes about 60 MB."""
 _MAX_MANIFEST_BYTES: Final = 16 << 20
 _MAX_REGIONS_BYTES: Final = 256 << 20
 """Largest regions.json that a scene may have."""
@@ -102,22 +105,33 @@ class SceneHttp:
         """
         return await self._json(self._url.http, version)
 
-    async def base(self, version: str, disk: DiskCache | None) -> BaseMesh:
-        """Return the base mesh with its cover, from the disk cache where that has it.
+    async def base(
+        self, version: str, disk: DiskCache | None, keep: Callable[[], frozenset[int]]
+    ) -> BaseMesh:
+        """Return the base mesh, from the disk cache where that has it.
+
+        Parameters
+        ----------
+        version : str
+        disk : DiskCache or None
+        keep : callable
+            Returns the keys that the disk must not delete to make room.
 
         Raises
         ------
         HttpError
             The server does not answer, or does not have that version any more.
         ProtocolViolationError
-            What came does not have the manifest's hash, or cannot be decoded.
+            What came cannot be decoded.
         """
-        manifest = await self.manifest(version)
-        files, counts = manifest.get("files", {}), manifest.get("counts", {})
-        glb = await self._file("base.glb", version, files, disk)
-        cover = await self._file("base.cover", version, files, disk)
-        segments = counts.get("segments") if manifest.get("levels", 1) != 1 else None
-        return await asyncio.to_thread(BaseMesh.of, version, glb, cover, segments)
+        files = (await self.manifest(version)).get("files", {})
+        name = re.sub(r"\W", "", str(files.get("base.glb", {}).get("xxh3") or version))
+        data = None if disk is None else await asyncio.to_thread(disk.get_base, name)
+        if data is None:
+            data = await self._get(f"{self._url.http}/base.glb", version, _MAX_BASE_BYTES)
+            if disk is not None:
+                await asyncio.to_thread(disk.put_base, name, data, keep())
+        return await asyncio.to_thread(BaseMesh.of, version, data)
 
     async def places(self, version: str) -> tuple[Place, ...]:
         """Return the named regions of a version, under the names that they have now.
@@ -127,11 +141,7 @@ class SceneHttp:
         HttpError
             The server does not answer, or does not have that version any more.
         """
-        regions = await self._json(
-            f"{self._url.http}/regions.json", version, max_bytes=_MAX_REGIONS_BYTES
-        )
-        labels = await self._json(f"{self._url.http}/labels.json", max_bytes=_MAX_REGIONS_BYTES)
-        return places_of(regions, labels)
+        return places_of(*await self._regions(version))
 
     async def coarser(self, version: str, region: int) -> tuple[CoarserPiece, ...]:
         """Return the coarser pieces of a version that a region is part of.
@@ -141,33 +151,17 @@ class SceneHttp:
         HttpError
             The server does not answer, or does not have that version any more.
         """
-        regions = await self._json(
-            f"{self._url.http}/regions.json", version, max_bytes=_MAX_REGIONS_BYTES
-        )
-        labels = await self._json(f"{self._url.http}/labels.json", max_bytes=_MAX_REGIONS_BYTES)
-        return coarser_pieces(regions, labels, region)
+        return coarser_pieces(*await self._regions(version), region)
 
     async def aclose(self) -> None:
         """Close all connections."""
         await self._client.aclose()
 
-    async def _file(
-        self, key: str, version: str, files: dict[str, Any], disk: DiskCache | None
-    ) -> bytes:
-        expected = str(files.get(key, {}).get("xxh3"))
-        name = f"{key.replace('.', '-')}-{version}"
-        if disk is not None:
-            data = await asyncio.to_thread(disk.get_blob, name)
-            if data is not None and xxhash.xxh3_64_hexdigest(data) == expected:
-                return data
-        url = f"{self._url.http}/{key}"
-        data = await self._get(url, version, MAX_BASE_BYTES)
-        actual = xxhash.xxh3_64_hexdigest(data)
-        if actual != expected:
-            raise ProtocolViolationError(f"{url} has xxh3 {actual}, expected {expected}")
-        if disk is not None:
-            await asyncio.to_thread(disk.put_blob, name, data)
-        return data
+    async def _regions(self, version: str) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return contents of regions.json, and of labels.json as it is now."""
+        url, most = self._url.http, _MAX_REGIONS_BYTES
+        regions = await self._json(f"{url}/regions.json", version, max_bytes=most)
+        return regions, await self._json(f"{url}/labels.json", max_bytes=most)
 
     async def _json(
         self, url: str, version: str | None = None, *, max_bytes: int | None = None
@@ -210,3 +204,20 @@ def _error_text(body: bytes, reason: str) -> str:
         return str(json.loads(body)["error"]["message"])
     except (ValueError, KeyError, TypeError):
         return reason or "no reason given"
+
+
+def scales_of(manifest: Mapping[str, Any]) -> dict[str, AttributeScale]:
+    """Return the scales of the attributes, in the manifest's order.
+
+    Raises
+    ------
+    ProtocolViolationError
+        The manifest's ``attributes`` are not as the format says.
+    """
+    try:
+        return {
+            str(row["name"]): AttributeScale(float(row["offset"]), float(row["step"]))
+            for row in manifest.get("attributes", ())
+        }
+    except (KeyError, TypeError, ValueError, PayloadError) as error:
+        raise ProtocolViolationError(f"manifest: wrong attributes ({error!r})") from None

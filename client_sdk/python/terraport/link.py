@@ -1,6 +1,6 @@
 """The connection of a session: opened, kept, lost, opened again.
 
-Everything here runs on one event loop; the state is :class:`terraport.session.ClientSession`'s.
+Everything here runs on one event loop; the state is :class:`terraport.core.SessionCore`'s.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ from websockets.exceptions import (
 )
 from websockets.typing import Subprotocol
 
-from terraport.access import Access
-from terraport.backoff import is_temporary, wait_s
+from terraport.address import Access
+from terraport.backoff import Pacer, is_temporary, wait_s, why_unreached
+from terraport.core import SessionCore
 from terraport.errors import (
     ConnectionFailedError,
     ProtocolViolationError,
@@ -33,12 +34,10 @@ from terraport.errors import (
     SessionClosedError,
     TerraportError,
 )
-from terraport.events import Event, Noticed, Opened, Ready, Refused
-from terraport.pacing import Pacer
-from terraport.session import ClientSession
-from terraport.timeouts import Timeouts
-from terraport.unreached import why_unreached
-from terraport_wire import MAX_SERVER_MESSAGE_BYTES, SUBPROTOCOL, CloseCode, ErrorCode
+from terraport.events import Event, Opened, Refused, Shown
+from terraport.options import Timeouts
+from terraport_wire import MAX_SERVER_MESSAGE_BYTES, CloseCode, ErrorCode, Notice
+from terraport_wire.protocol_2 import SUBPROTOCOL
 
 __all__ = ["Link"]
 
@@ -70,7 +69,7 @@ class Link:
 
     Parameters
     ----------
-    session : ClientSession
+    core : SessionCore
         The state; commands may be given to it at any time, followed by :meth:`pump`.
     url : str
         ``ws(s)://.../stream``.
@@ -86,7 +85,7 @@ class Link:
 
     def __init__(
         self,
-        session: ClientSession,
+        core: SessionCore,
         url: str,
         access: Access,
         timeouts: Timeouts,
@@ -97,7 +96,9 @@ class Link:
         """Connections that the server welcomed."""
         self.received_bytes = 0
         """Bytes of WebSocket messages received, payload and headers, over all connections."""
-        self._session = session
+        self.heard_s = 0.0
+        """When the newest of them came, on the monotonic clock."""
+        self._core = core
         self._url = url
         self._access = access
         self._timeouts = timeouts
@@ -107,7 +108,6 @@ class Link:
         self._wake = asyncio.Event()
         self._welcomed = asyncio.Event()
         self._leaving = False
-        self._offer_held = True
         self._attempt = 0
         self._first_wait_s: float | None = None
         self._refusal: Refused | None = None
@@ -120,7 +120,7 @@ class Link:
 
     def pump(self) -> None:
         """Hand out events and let the writer send; to be called after every command."""
-        for event in self._session.events():
+        for event in self._core.events():
             self._note(event)
             self._handle(event)
         self._wake.set()
@@ -128,16 +128,12 @@ class Link:
     def leave(self) -> None:
         """Say goodbye and do not connect again."""
         self._leaving = True
-        self._session.bye()
+        self._core.bye()
         self.pump()
 
     def reroute(self, group: str) -> None:
         """Connect anew, at once, by a URL that names a group."""
         self.group = group
-        self.renew()
-
-    def renew(self) -> None:
-        """Connect anew, at once: what hello says has changed."""
         self._rerouting = True
         if self._websocket is not None:
             self._websocket.transport.abort()
@@ -165,14 +161,12 @@ class Link:
             now_s = time.monotonic()
             if self._welcomed.is_set() and now_s - began_s >= _STABLE_S:
                 self._attempt = 0
-            self._session.connection_lost()
+            self._core.connection_lost()
             self.pump()
             if self._leaving:
                 return
             if self._rerouting:
                 self._rerouting = False
-                continue
-            if self._refusal is not None and self._retry_without_held(self._refusal):
                 continue
             final = not lost.temporary and not self._has_newer_token(lost)
             if final and lost.error is not None:
@@ -211,14 +205,14 @@ class Link:
     async def _converse(self) -> _Lost:
         """Live through one connection."""
         self._refusal = None
-        session, timeouts = self._session, self._timeouts
+        core, timeouts = self._core, self._timeouts
         try:
             async with asyncio.timeout(timeouts.connect_s):
                 websocket = await connect(
                     self._url if self.group is None else f"{self._url}?group={self.group}",
                     subprotocols=[Subprotocol(SUBPROTOCOL)],
                     additional_headers=self._access.headers(),
-                    user_agent_header=session.options.client,
+                    user_agent_header=core.options.client,
                     compression=None,
                     max_size=MAX_SERVER_MESSAGE_BYTES,
                     open_timeout=None,
@@ -226,7 +220,7 @@ class Link:
                 )
         except (OSError, TimeoutError, InvalidHandshake, InvalidURI, EOFError) as error:
             return _lost_before(error)
-        session.connected(offer_held=self._offer_held)
+        core.connected()
         self.pump()
         self._websocket = websocket
         writer = asyncio.create_task(self._write(websocket), name="terraport-writer")
@@ -245,7 +239,8 @@ class Link:
             while True:
                 data = await websocket.recv()
                 self.received_bytes += len(data)
-                self._session.receive(data)
+                self.heard_s = time.monotonic()
+                self._core.receive(data)
                 self.pump()
                 if self._welcomed.is_set() and not self._is_prepared:
                     self._is_prepared = True
@@ -262,15 +257,15 @@ class Link:
         try:
             while True:
                 await self._wake_or_aim()
-                if self._session.has_aim and time.monotonic() >= self._next_aim_s:
+                if self._core.has_aim and time.monotonic() >= self._next_aim_s:
                     self._next_aim_s = time.monotonic() + _AIM_PERIOD_S
-                    self._session.flush_aim()
-                for data in self._session.data_to_send():
+                    self._core.flush_aim()
+                for data in self._core.data_to_send():
                     pause_s = self._pacer.take(time.monotonic())
                     if pause_s > 0:
                         await asyncio.sleep(pause_s)
                     await websocket.send(data)
-                if self._session.sent():
+                if self._core.sent():
                     self.pump()
                 if self._leaving:
                     await websocket.close()  # behind bye; does not wait for the server's own close
@@ -280,7 +275,7 @@ class Link:
     async def _wake_or_aim(self) -> None:
         """Wait for something to send, at most until the next aim may go."""
         pause_s = None
-        if self._session.has_aim:
+        if self._core.has_aim:
             pause_s = max(0.0, self._next_aim_s - time.monotonic())
         try:
             async with asyncio.timeout(pause_s):
@@ -303,20 +298,12 @@ class Link:
             self.connections += 1
             self._welcomed.set()
             self._pacer = Pacer(event.limits.max_messages_per_s, now_s=time.monotonic())
-        elif isinstance(event, Ready):
+        elif isinstance(event, Shown):
             self._attempt = 0
         elif isinstance(event, Refused) and event.fatal:
             self._refusal = event
-        elif isinstance(event, Noticed) and event.reconnect_after_ms is not None:
+        elif isinstance(event, Notice) and event.reconnect_after_ms is not None:
             self._first_wait_s = event.reconnect_after_ms / 1000.0
-
-    def _retry_without_held(self, refusal: Refused) -> bool:
-        """Offer nothing from now on if the server found the offer too large; once."""
-        too_large = refusal.code == ErrorCode.TOO_LARGE and not self._welcomed.is_set()
-        if too_large and self._offer_held:
-            self._offer_held = False
-            return True
-        return False
 
     def _lost_by(self, closed: ConnectionClosed) -> _Lost:
         code = _ABNORMAL if closed.rcvd is None else closed.rcvd.code

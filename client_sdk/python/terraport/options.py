@@ -1,34 +1,26 @@
-"""What the caller says, checked before anything is sent.
+"""What the caller says, checked before anything is sent; and how long a session waits for what.
 
 PURE: no I/O, no clock.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 
 from terraport.errors import UsageError
-from terraport.payloads import ENCODING
-from terraport_payload.types import AnyArray
-from terraport_wire import (
-    HELD_DTYPE,
-    PROTOCOL,
-    Budgets,
-    Hello,
-    InvalidMessageError,
-    Message,
-)
+from terraport_wire import Budgets, InvalidMessageError, Message
+from terraport_wire.protocol_2 import Hello
 
-__all__ = ["SessionOptions", "checked", "point"]
+__all__ = ["SessionOptions", "Timeouts", "checked", "point"]
 
 _Message = TypeVar("_Message", bound=Message)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class SessionOptions:
     """What a session tells the server in ``hello``."""
 
@@ -42,26 +34,17 @@ class SessionOptions:
     of 2 or 4, textures with their mips as a device keeps them."""
     credit_bytes: int = 16 * 1024 * 1024
     """Payload bytes under way at most. Half of it is granted back at a time: a larger one saves
-    messages (the server allows 60 per second), a smaller one bounds what lies in buffers when a
-    landing is superseded."""
-    release_factor: float | None = None
-    """Within so many radii of a landing what is held is kept beside what is shown, so that a hop
-    back costs no bytes; None takes the server's."""
-
-    pull: bool = False
-    """Whether to fetch payload over HTTP, where the server offers that; else it comes in frames."""
+    messages, a smaller one bounds what lies in buffers when a landing is superseded."""
 
     def __post_init__(self) -> None:
         if self.credit_bytes < 1:
             raise UsageError(f"credit_bytes is {self.credit_bytes}, expected 1 or more")
-        checked(lambda: self.hello(np.zeros(0, dtype=HELD_DTYPE)))
+        checked(self.hello)
 
-    def hello(self, held: AnyArray, *, pull: bool = False) -> Hello:
+    def hello(self) -> Hello:
         """Return the message that opens a connection."""
         return Hello(
-            protocol=PROTOCOL,
             client=self.client,
-            encoding=ENCODING,
             budgets=Budgets(
                 max_triangles=self.max_triangles,
                 max_bytes=self.max_bytes,
@@ -69,11 +52,37 @@ class SessionOptions:
                 max_gpu_bytes=self.max_gpu_bytes,
             ),
             credit_bytes=self.credit_bytes,
-            release_factor=self.release_factor,
-            held=held,
-            delivery="pull" if pull else None,
-            timings=True,
         )
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Timeouts:
+    """Bounds in seconds; None waits for ever.
+
+    Raises
+    ------
+    UsageError
+        One of them is not above 0.
+    """
+
+    connect_s: float | None = 10.0
+    """One attempt: TCP, TLS, WebSocket handshake and ``welcome``."""
+    reconnect_s: float | None = 120.0
+    """All attempts after one loss; then the session ends. Longer survives a server's restart on a
+    slow machine; shorter tells a script sooner that nobody is there."""
+    plan_s: float | None = 60.0
+    """From ``land`` to its plan, reconnecting included."""
+    pick_s: float | None = 30.0
+    http_s: float | None = 30.0
+    """Each wait for more bytes of an HTTP answer."""
+    close_s: float = 5.0
+    """Saying goodbye and writing what is left to the disk cache."""
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if value is not None and not value > 0:
+                raise UsageError(f"{field.name} is {value}, expected above 0")
 
 
 def checked(build: Callable[[], _Message]) -> _Message:

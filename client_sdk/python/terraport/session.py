@@ -1,516 +1,791 @@
-"""The client's half of the wire protocol as a state machine.
+"""A session with a scene, for asyncio.
 
-WebSocket messages in; events, and messages to send, out.
+::
 
-The shell (:mod:`terraport.client`) owns sockets, tasks, files and clocks. It calls
+    async with terraport.connect("http://localhost:8080/scenes/quarry", token) as session:
+        landing = await session.land((12.0, 3.5, -40.0), radius_m=60)
+        async for segment in landing:
+            mesh = segment.arrays()
 
-* :meth:`ClientSession.connected`, :meth:`~ClientSession.receive`,
-  :meth:`~ClientSession.connection_lost` as the connection lives and dies;
-* :meth:`~ClientSession.land`, :meth:`~ClientSession.aim`, :meth:`~ClientSession.pick` for its user;
-* :meth:`~ClientSession.restored`, :meth:`~ClientSession.lost`,
-  :meth:`~ClientSession.stored_on_disk`,
-  :meth:`~ClientSession.removed_from_disk` for its disk cache;
-
-and after each of them drains :meth:`~ClientSession.events` and :meth:`~ClientSession.data_to_send`.
-
-Section numbers in comments are those of ``spec/wire-protocol.md``.
-
-PURE: no I/O, no clock, no task.
+**Contracts.** A session belongs to the event loop on which it was opened. Its coroutines may
+overlap in any number; only the newest landing is pursued, older ones that are not ready raise
+:class:`~terraport.errors.LandingSupersededError`. Cancelling a coroutine ends that wait and nothing
+else. Leaving ``async with`` closes everything: sockets, tasks, what is left to write to disk,
+within ``timeouts.close_s``. A lost connection is mended without the caller's doing; what was held
+is not sent again.
 """
 
 from __future__ import annotations
 
-import math
-import re
-from collections import deque
-from collections.abc import Iterable, Sequence
+import asyncio
+import hashlib
+import time
+from collections.abc import Callable, Coroutine, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final
 
-from terraport.aim_counts import AimCounts
-from terraport.aim_state import AimState
-from terraport.cache import CachedSegment, SegmentCache, SegmentFacts
-from terraport.errors import ProtocolViolationError
-from terraport.events import (
-    Dropped,
-    Event,
-    LandingSent,
-    Noticed,
-    Opened,
-    Refused,
-    Superseded,
+from terraport import events as told
+from terraport.address import Access, SceneUrl, Token
+from terraport.base import BaseMesh
+from terraport.cache import SegmentCache
+from terraport.core import SessionCore
+from terraport.disk import DEFAULT_DISK_BYTES, DiskCache, DiskWorker
+from terraport.errors import (
+    GroupError,
+    LandingSupersededError,
+    OutsideSceneWarning,
+    ServerError,
+    SessionClosedError,
+    TerraportError,
+    UsageError,
 )
-from terraport.group_state import GroupState
-from terraport.holdings import Holdings
-from terraport.landing_state import LandingState
-from terraport.offer import HeldOffer
-from terraport.options import SessionOptions, checked, point
-from terraport.pick_state import PickState
-from terraport.pull_ranges import PackAddress
-from terraport.transfers import Transfers
-from terraport_wire import (
-    PROTOCOL,
-    Bye,
-    Credit,
-    DecodeError,
-    Degraded,
-    Direction,
-    Error,
-    HeldChecked,
-    Land,
-    Message,
-    Notice,
-    PayloadFrame,
-    Picked,
-    Plan,
-    Prefetch,
-    PullInfo,
-    Ready,
-    Unknown,
-    Welcome,
-    decode,
-    decode_frame,
-    encode,
-    is_payload,
-)
-from terraport_wire import Superseded as SupersededMessage
+from terraport.group import Group, GroupRecord
+from terraport.http import Scales, SceneHttp, scales_of
+from terraport.landing import Landing, LandingRecord, faces_of_bits
+from terraport.link import Link
+from terraport.options import SessionOptions, Timeouts, checked
+from terraport.outside import CallerLine, SceneBox
+from terraport.places import CoarserPiece, Place
+from terraport.version import __version__
+from terraport_payload.types import Bool
+from terraport_wire import Hit, Join, Notice
+from terraport_wire.protocol_2 import Limits, SceneFacts
 
-__all__ = ["ClientSession", "SessionOptions"]
+__all__ = ["DEFAULT_CACHE_BYTES", "Connecting", "Session", "SessionStats", "connect"]
 
-_PACK_PATH = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}/[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
-"""Of a version's file, as the scene format has it (section 1)."""
+DEFAULT_CACHE_BYTES: Final = 512 << 20
+"""Room for several landings of 60 m at full detail."""
 
 
-class ClientSession:
-    """The state machine. It outlives connections. Not thread-safe.
+@dataclass(frozen=True, slots=True)
+class SessionStats:
+    """What a session has done so far."""
 
-    Parameters
-    ----------
-    options : SessionOptions
-        What is told to the server.
-    cache : SegmentCache
-        Payloads in memory; from now on owned by the session.
-    on_disk : mapping of int to int, optional
-        xxh3 by segment id of what the disk cache holds of this scene.
-    server : str, optional
-        Server URL, which relative addresses of packs begin at; None never pulls.
+    connections: int
+    received_bytes: int
+    """Bytes of all WebSocket messages, payload and headers."""
+    payload_bytes: int
+    """Payload bytes of whole segments that the server sent."""
+    prefetched_bytes: int
+    """Those of them that came while no landing was open: what aims brought."""
+    repeated_bytes: int
+    """Those of them that were in memory already; 0 with a right server."""
+    rejected: int
+    """Segments that came damaged, or that the disk cache had lost."""
+    cache_bytes: int
+    """Payload bytes in memory now."""
+
+
+class Session:
+    """One scene, open, over as many connections as it takes. Made by :func:`connect`.
+
+    It owns the link, the disk worker and their tasks, and ends them in :meth:`aclose`; a landing or
+    group that it handed out ends with it.
     """
 
     def __init__(
         self,
-        options: SessionOptions,
-        cache: SegmentCache,
-        on_disk: dict[int, int] | None = None,
-        server: str | None = None,
+        core: SessionCore,
+        http: SceneHttp,
+        url: SceneUrl,
+        access: Access,
+        timeouts: Timeouts,
+        disk: DiskCache | None,
+        group: str | None = None,
     ) -> None:
-        self.options = options
-        self._server = server
-        self._pulls = options.pull and server is not None
-        """Whether to ask for payload by ranges."""
-        self.version: str | None = None
-        """Scene version of the newest connection."""
-        self.holdings = Holdings(cache, on_disk)
-        """What is held here, in memory and on disk."""
-        self._events: deque[Event] = deque()
-        self._outbox: deque[Message] = deque()
-        self._unsent: LandingState | None = None
-        """The landing whose ``land`` is in the outbox."""
-        self._leaving: list[int] = []
-        """Those whose ``land`` was given out to be sent."""
-        self._transfers = Transfers(
-            self.holdings, say=self._outbox.append, report=self._events.append
-        )
-        self._open = self._greeting = False
-        self._generation = self._landings = self._requests = 0
-        self._queued: LandingState | None = None
-        self._aim = AimState()
-        self._offer = HeldOffer()
-        self.group = GroupState(
-            say=self._outbox.append,
-            report=self._events.append,
-            is_open=lambda: self._open,
-            take_request=self._take_request,
-        )
-        """The seat in a group; to be given commands by the shell."""
-        self._picks = PickState(self._events.append)
-        self._credit_step = 1
-        self._max_radius_m = math.inf
-        """Of the newest connection."""
-        self._taken_bytes = 0
+        self._core = core
+        self._http = http
+        self._url = url
+        self._timeouts = timeouts
+        self._disk = disk
+        self._link = Link(core, url.stream, access, timeouts, self._take, prepare=self._read_scales)
+        self._link.group = group
+        self._worker = None if disk is None else DiskWorker(disk, core, self._link.pump)
+        self._opened: told.Opened | None = None
+        """The newest connection's welcome."""
+        self._welcome: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._failure: TerraportError | None = None
+        self._scales: Scales = {}
+        self._scales_version: str | None = None
+        self._base: BaseMesh | None = None
+        self._base_lock = asyncio.Lock()
+        self._landings: dict[int, LandingRecord] = {}
+        """Landings that are not over."""
+        self._picks: dict[int, asyncio.Future[Hit | None]] = {}
+        self._group: GroupRecord | None = None
+        """The seat that was taken last."""
+        self._newest_version: str | None = None
+        self._payload_bytes = self._rejected = 0
+        # The link's first, then the disk worker's; `aclose` ends them all.
+        self._tasks: list[asyncio.Task[None]] = []
+        self._hurries: set[asyncio.Task[None]] = set()
+
+    # ---- what is served
+
+    def __repr__(self) -> str:
+        """Say which scene it is a session of; never the token."""
+        return f"<Session {self.url}>"
 
     @property
-    def open(self) -> bool:
-        """Whether the server has said welcome on the present connection."""
-        return self._open
+    def scene(self) -> SceneFacts:
+        """Id, version, name, segments and base faces, as of the newest connection."""
+        return self._welcomed.scene
 
     @property
-    def has_aim(self) -> bool:
-        """Whether an aim waits for :meth:`flush_aim`."""
-        return self._aim.waits and self._open
+    def limits(self) -> Limits:
+        """What the server allows, as of the newest connection."""
+        return self._welcomed.limits
+
+    @property
+    def url(self) -> str:
+        """Address of the scene over HTTP."""
+        return self._url.http
 
     @property
     def visible(self) -> tuple[int, ...]:
-        """Ids that the last ready landing shows, ascending."""
-        return self._transfers.visible
+        """Ids of the segments that the last ready landing shows, ascending.
 
-    @property
-    def repeated_bytes(self) -> int:
-        """Payload bytes received of segments in memory already; 0 with a right server."""
-        return self._transfers.repeated_bytes
-
-    @property
-    def aims(self) -> AimCounts:
-        """What aims have brought, and what of it was used."""
-        return self._transfers.aims
-
-    @property
-    def unfinished(self) -> int | None:
-        """Number of the newest landing that is not ready; None when there is none."""
-        landing = self._queued or self._transfers.unfinished
-        return None if landing is None else landing.number
-
-    # ---- output
-
-    def events(self) -> list[Event]:
-        """Return, once, what has happened since the last call."""
-        events = list(self._events)
-        self._events.clear()
-        return events
-
-    def data_to_send(self) -> list[bytes]:
-        """Return, once, the WebSocket messages to send, in order."""
-        data = [encode(message) for message in self._outbox]
-        self._outbox.clear()
-        if self._unsent is not None:
-            self._leaving.append(self._unsent.number)
-            self._unsent = None
-        return data
-
-    def sent(self) -> bool:
-        """Note that what :meth:`data_to_send` gave is on its way; whether that is an event."""
-        self._events.extend(LandingSent(number) for number in self._leaving)
-        has_events = bool(self._leaving)
-        self._leaving.clear()
-        return has_events
-
-    # ---- connection
-
-    def connected(self, *, offer_held: bool = True) -> None:
-        """Open a connection: the first message is ``hello`` with what is held.
-
-        Parameters
-        ----------
-        offer_held : bool
-            False after a server found the offer too large: it is made after its welcome, which
-            says how large it may be.
+        Empty before the first, and after a reconnect that found another scene version.
         """
-        self._outbox.clear()
-        self._open = False
-        self._greeting = True
-        held_rows = self._offer.first(self.holdings.offer(), in_hello=offer_held)
-        self._outbox.append(self.options.hello(held_rows, pull=self._pulls))
+        return self._core.shown.ids
 
-    def connection_lost(self) -> None:
-        """Note that the connection is gone.
+    @property
+    def hidden_faces(self) -> Bool:
+        """Base faces that are hidden while :attr:`visible` is shown, (B,) bool."""
+        return faces_of_bits(self._core.shown.hidden, self.scene.base_faces)
 
-        The newest landing that is not ready waits for the next connection, and so do the newest aim
-        after it, picks and the seat in a group. Parts of segments are forgotten (10.2).
+    @property
+    def newest_version(self) -> str | None:
+        """A newer scene version that the server has announced; served from the next connection."""
+        return self._newest_version
+
+    @property
+    def stats(self) -> SessionStats:
+        """What has been transferred, over all connections."""
+        return SessionStats(
+            connections=self._link.connections,
+            received_bytes=self._link.received_bytes,
+            payload_bytes=self._payload_bytes,
+            prefetched_bytes=self._core.prefetched_bytes,
+            repeated_bytes=self._core.repeated_bytes,
+            rejected=self._rejected,
+            cache_bytes=self._core.cache_bytes,
+        )
+
+    async def visible_set_hash(self) -> str:
+        """Return what identifies the picture of the last ready landing: 16 hexadecimal digits.
+
+        It covers the content of the visible segments and the hidden faces of the base mesh: a
+        function of the last landing's plan, whatever happened since.
         """
-        self._open = self._greeting = False
-        self._outbox.clear()
-        self._unsent = None
-        self._leaving.clear()
-        self._taken_bytes = 0  # credit belongs to the connection (8)
-        self._aim.connection_lost(self._transfers.aim_done)
-        self._queue(self._transfers.connection_lost())
-        self.group.connection_lost()
+        shown = self._core.shown
+        keys = b"".join(key.to_bytes(8, "little") for key in sorted(self._core.shown_keys))
+        return hashlib.sha256(keys + shown.hidden).hexdigest()[:16]
 
-    def receive(self, data: bytes | str) -> None:
-        """Take one whole WebSocket message.
+    async def manifest(self) -> dict[str, Any]:
+        """Return the manifest of the served version (``spec/scene-format.md``, section 4).
 
         Raises
         ------
-        ProtocolViolationError
-            The server sent what the protocol does not allow; the connection must be closed with
-            4400.
+        HttpError
+            The server does not answer.
         """
-        try:
-            if is_payload(data):
-                assert not isinstance(data, str)
-                frame = decode_frame(data)
-                if isinstance(frame, PayloadFrame):
-                    self._transfers.on_frame(frame)
-                    self._grant(len(frame.chunk))
-                return
-            message = decode(data, Direction.SERVER_TO_CLIENT)
-        except DecodeError as error:
-            raise ProtocolViolationError(str(error)) from error
-        if not isinstance(message, Unknown):
-            self._on_message(message)
+        return await self._http.manifest(self.scene.version)
+
+    async def base(self) -> BaseMesh:
+        """Return the base mesh, loaded once per scene version.
+
+        May be called from several tasks: one loads, the others wait for it.
+
+        Raises
+        ------
+        HttpError
+            The server does not answer.
+        ProtocolViolationError
+            What came cannot be decoded.
+        """
+        async with self._base_lock:
+            # A reconnect may lead to another version while the files come: then once more.
+            while self._base is None or self._base.version != self.scene.version:
+                self._base = await self._http.base(
+                    self.scene.version, self._disk, lambda: self._core.needed
+                )
+            return self._base
+
+    async def places(self) -> tuple[Place, ...]:
+        """Return the named regions as places to land at, by name, the largest of each first.
+
+        ``await session.land(place.position, place.radius_m)`` shows it: at its best view where one
+        was chosen (:attr:`Place.is_view`), else land on the ground under its middle, which
+        :meth:`pick` finds.
+
+        Raises
+        ------
+        HttpError
+            The server does not answer.
+        """
+        return await self._http.places(self.scene.version)
+
+    async def coarser(self, region: int) -> tuple[CoarserPiece, ...]:
+        """Return the coarser pieces that a region is part of, finest first: farm, then valley.
+
+        ``await session.coarser(hit.region)`` goes on from a pick. Regions of engine ``borders``
+        have them, those too that people have cut since; others have none.
+
+        Raises
+        ------
+        HttpError
+            The server does not answer.
+        """
+        return await self._http.coarser(self.scene.version, region)
 
     # ---- commands
 
     def land(
         self,
         position: Sequence[float],
-        radius_m: float,
+        radius_m: float = 60.0,
         *,
-        inner_radius_m: float | None = None,
-        deadline_ms: int | None = None,
-        stall_ms: int | None = None,
         coarse_radius_m: float | None = None,
-    ) -> int:
-        """Ask for a landing; it supersedes every one before that is not ready.
+        inner_radius_m: float | None = None,
+        deadline_s: float | None = None,
+        stall_s: float | None = None,
+        timeout_s: float | None = None,
+    ) -> Coroutine[Any, Any, Landing]:
+        """Land: ask for everything within a radius, and return when the plan is there.
+
+        The segments follow while the caller goes on. A landing that is not ready is superseded by
+        the next one, also when this call is cancelled.
+
+        Parameters
+        ----------
+        position : sequence of 3 floats
+            Metres, scene frame (x east, y up, z south of the origin).
+        radius_m : float
+            Everything whose box comes within it; the server's ``limits.max_radius_m`` bounds it.
+        coarse_radius_m : float, optional
+            Beyond `radius_m` everything within this comes at its coarser level, where the scene has
+            one (``scene.levels``): a third of the bytes. At least `radius_m`; three times as far is
+            a good ring. Cut to the server's ``limits.max_radius_m``.
+        inner_radius_m, deadline_s : float, optional
+            After `deadline_s` the segments within `inner_radius_m` alone are presentable; see
+            :meth:`Landing.presentable`.
+        stall_s : float, optional
+            So are they after so long without progress; beside `deadline_s` whichever comes first.
+            Alone it gives a landing that makes progress all the time it needs.
+        timeout_s : float, optional
+            Bound on the wait for the plan; the session's ``timeouts.plan_s`` without it.
+
+        Warns
+        -----
+        OutsideSceneWarning
+            The position is farther from the scene than the radius: the landing succeeds, with
+            nothing in it. :attr:`Landing.outside_m` says how far. Empty plans alone are looked
+            at, by one request over HTTP; where that fails, nothing is said.
+
+        Raises
+        ------
+        UsageError
+            A number that the protocol does not allow, such as a radius that is not above 0.
+        ServerError
+            The server refuses this landing; an older one that is not ready goes on.
+        LandingSupersededError
+            Another task has landed meanwhile.
+        LandingTimeoutError
+            No plan in time.
+        SessionClosedError
+            The session has ended.
+        """
+        ask = partial(
+            self._core.land,
+            position,
+            radius_m,
+            inner_radius_m=inner_radius_m,
+            coarse_radius_m=coarse_radius_m,
+        )
+        for name, patience_s in (("deadline_s", deadline_s), ("stall_s", stall_s)):
+            if patience_s is not None and not (patience_s > 0 and inner_radius_m is not None):
+                raise UsageError(f"{name} is {patience_s}, expected above 0, with inner_radius_m")
+        return self._land(CallerLine.find(), ask, deadline_s, stall_s, timeout_s)
+
+    async def _land(
+        self,
+        caller: CallerLine,
+        ask: Callable[[], int],
+        deadline_s: float | None,
+        stall_s: float | None,
+        timeout_s: float | None,
+    ) -> Landing:
+        self._require_open()
+        number = ask()
+        # Nothing is sent before `pump`: the record is there when the first event of it comes.
+        record = LandingRecord(number, time.monotonic())
+        self._landings[number] = record
+        self._link.pump()
+        if deadline_s is not None or stall_s is not None:
+            hurry = asyncio.create_task(
+                self._hurry(record, deadline_s, stall_s), name="terraport-deadline"
+            )
+            self._hurries.add(hurry)
+            hurry.add_done_callback(self._hurries.discard)
+        landing = Landing(record)
+        plan = await landing.planned(self._timeouts.plan_s if timeout_s is None else timeout_s)
+        # Whatever shows something is in the scene: only empty plans are looked at.
+        if not (len(plan.show) or plan.omitted_segments):
+            record.outside_m = await self._warn_outside(plan.position, plan.radius_m, caller)
+        return landing
+
+    async def _hurry(
+        self, record: LandingRecord, deadline_s: float | None, stall_s: float | None
+    ) -> None:
+        """Wait until the user's patience is over, or the landing is; then the inner set will do."""
+        while not record.is_over:
+            ends_s = [] if deadline_s is None else [record.started_s + deadline_s]
+            if stall_s is not None:
+                ends_s.append(max(record.started_s, self._link.heard_s) + stall_s)
+            left_s = min(ends_s) - time.monotonic()
+            if left_s <= 0:
+                self._core.hurry(record.number)
+                self._link.pump()
+                return
+            await asyncio.sleep(left_s)
+
+    def aim(
+        self,
+        position: Sequence[float],
+        radius_m: float = 60.0,
+        *,
+        coarse_radius_m: float | None = None,
+    ) -> None:
+        """Tell where the user points, so that a landing there finds its segments held.
+
+        Returns at once; may be called for every frame: at most ten a second are sent, the newest
+        always. It never disturbs a landing.
+
+        Raises
+        ------
+        UsageError
+            A number that the protocol does not allow.
+        SessionClosedError
+            The session has ended.
+        """
+        self._require_open()
+        self._core.aim(position, radius_m, coarse_radius_m)
+        self._link.pump()
+
+    async def pick(
+        self,
+        origin: Sequence[float],
+        direction: Sequence[float] | None = None,
+        *,
+        timeout_s: float | None = None,
+    ) -> Hit | None:
+        """Ask what full detail has along a ray, whether its segments are loaded or not.
+
+        Parameters
+        ----------
+        origin : sequence of 3 floats
+            Metres, scene frame.
+        direction : sequence of 3 floats, optional
+            Of any length; without it, the vertical line through `origin`.
+        timeout_s : float, optional
+            The session's ``timeouts.pick_s`` without it.
 
         Returns
         -------
-        int
-            Its number in the events. It stays the same when a reconnect asks again under a new
-            generation.
+        Hit or None
+            Position, normal, segment, region, stable id, label, height and attributes; None for
+            nothing. The label is the one that the region has now.
+
+        Raises
+        ------
+        ServerError
+            The server refuses, for example too many picks at once.
+        TimeoutError
+            No answer in time.
+        SessionClosedError
+            The session has ended.
+        """
+        self._require_open()
+        request = self._core.pick(origin, direction)
+        answer: asyncio.Future[Hit | None] = asyncio.get_running_loop().create_future()
+        self._picks[request] = answer
+        self._link.pump()
+        try:
+            async with asyncio.timeout(self._timeouts.pick_s if timeout_s is None else timeout_s):
+                return await answer
+        finally:
+            self._picks.pop(request, None)
+            self._core.drop_pick(request)
+
+    async def join_group(
+        self,
+        group: str,
+        *,
+        role: str = "member",
+        name: str | None = None,
+        timeout_s: float | None = 30.0,
+    ) -> Group:
+        """Take a seat in a group of this scene; a seat held before is left.
+
+        Where the server asks for it, the connection is made anew by a URL that names the group, so
+        that a proxy can bring all of it to one server; ``connect(..., group=...)`` spares that.
+
+        Parameters
+        ----------
+        group : str
+            1 to 64 of ``A-Z a-z 0-9 _ . ~ -``.
+        role : {"member", "guide"}
+            The guide lands the group; there is at most one.
+        name : str, optional
+            What the others see.
+        timeout_s : float or None
+            Bound on the wait for the seat.
 
         Raises
         ------
         UsageError
-            A number that the protocol does not allow; nothing has changed.
+            A name or role that the protocol does not allow.
+        ServerError
+            ``group_refused``: no groups here, the group is full or has a guide, or the token does
+            not allow to guide.
+        TimeoutError
+            No answer in time.
+        SessionClosedError
+            The session has ended.
         """
-        landing = LandingState(
-            self._landings + 1,
-            point(position),
-            radius_m,
-            inner_radius_m,
-            deadline_ms,
-            stall_ms,
-            coarse_radius_m,
+        self._require_open()
+        groups_served, url_group = self.limits.groups, self._link.group
+        if groups_served not in {"here", "query"}:
+            raise ServerError("group_refused", "no groups are served at this address")
+        # By query the URL must name this group; elsewhere it must only not name another.
+        allowed = {group} if groups_served == "query" else {None, group}
+        reroute = url_group not in allowed
+        request = self._core.seat.join(group, role, name)
+        if self._group is not None:
+            self._group.end(GroupError(f"group {self._group.name} was left"))
+        record = GroupRecord(
+            group, self._core.seat, land=self.land, pump=self._link.pump, request=request
         )
-        checked(lambda: landing.message(0))
-        self._landings += 1
-        self._aim.clear()
-        if self._open:
-            self._send_landing(landing)
-        else:
-            self._queue(landing)
-        return landing.number
+        # Before anything is sent: the answer is taken by whoever has the seat.
+        self._group = record
+        if reroute:
+            self._link.reroute(group)
+        self._link.pump()
+        await record.until(lambda: record.member > 0, timeout_s)
+        return Group(record)
 
-    def aim(
-        self, position: Sequence[float], radius_m: float, coarse_radius_m: float | None = None
+    async def aclose(self) -> None:
+        """Say goodbye and free everything; may be called again. ``async with`` calls it."""
+        self._link.leave()
+        try:
+            async with asyncio.timeout(self._timeouts.close_s):
+                # What came is paid for: it is written before the disk is left.
+                if self._worker is not None and len(self._tasks) > 1:
+                    await self._worker.drained()
+                if self._tasks and self._core.is_open:  # else there is nobody to say goodbye to
+                    await asyncio.wait(self._tasks[:1])
+        except TimeoutError:
+            pass  # what is left is cut off
+        finally:
+            tasks = [*self._tasks, *self._hurries]
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            self._fail(SessionClosedError("it was closed here"))
+            await self._http.aclose()
+
+    # ---- events
+
+    def _take(self, event: told.Event) -> None:
+        """Carry out one event of the core, whole: who waits never sees half of it."""
+        if isinstance(event, told.SegmentArrived):
+            self._arrived(event)
+        elif isinstance(event, told.Opened):
+            self._opened = event
+            if not self._welcome.done():  # only the first welcome is waited for
+                self._welcome.set_result(None)
+        elif isinstance(event, told.SegmentRejected):
+            self._rejected += 1
+            if event.landing in self._landings:
+                self._landings[event.landing].rejected += 1
+            if event.on_disk and self._worker is not None:
+                self._worker.remove(event.key)
+        elif isinstance(event, told.RestoreNeeded):
+            assert self._worker is not None  # only its catalogue knows such segments
+            self._worker.restore(event.keys)
+        elif isinstance(event, told.PickAnswered | told.PickRefused):
+            answer = self._picks.get(event.request)
+            if answer is not None and not answer.done():
+                if isinstance(event, told.PickAnswered):
+                    answer.set_result(event.hit)
+                else:
+                    answer.set_exception(ServerError(event.code, event.message))
+        elif isinstance(event, Notice):
+            if event.kind == "scene_published":
+                self._newest_version = event.version
+        elif isinstance(event, told.GroupEvent):
+            if self._group is not None:
+                self._group.take(event)
+        else:
+            self._landing_changed(event)
+
+    def _landing_changed(
+        self,
+        event: told.LandingEvent,
     ) -> None:
-        """Note where the user points; only the newest is kept until :meth:`flush_aim`.
-
-        Raises
-        ------
-        UsageError
-            A number that the protocol does not allow; nothing has changed.
-        """
-        self._aim.note(position, radius_m, coarse_radius_m)
-
-    def flush_aim(self) -> None:
-        """Send the newest aim, if there is one and the connection is open."""
-        if self.has_aim:
-            self._transfers.tell_fetched()
-            self._send_evictions()
-            self._generation += 1
-            self._outbox.append(self._aim.take(self._generation, self._max_radius_m))
-
-    def pick(self, origin: Sequence[float], direction: Sequence[float] | None = None) -> int:
-        """Ask what lies along a ray; return the request's number in the events.
-
-        Raises
-        ------
-        UsageError
-            A number that the protocol does not allow; nothing has changed.
-        """
-        pick = self._picks.ask(self._requests + 1, origin, direction)
-        if self._open:
-            self._outbox.append(pick)
-        return self._take_request()
-
-    def drop_pick(self, request: int) -> None:
-        """Forget a pick: its answer is skipped, a reconnect does not ask again."""
-        self._picks.drop(request)
-
-    def bye(self) -> None:
-        """Say ``bye``, where there is a connection: the server then closes at once (5.6)."""
-        if self._open:
-            self._outbox.append(Bye())
-
-    # ---- news from the disk cache
-
-    def stored_on_disk(self, facts: SegmentFacts) -> None:
-        """Note that the disk holds a segment: its payload may leave memory unreported."""
-        self.holdings.add_disk(facts.segment, facts.xxh3)
-
-    def removed_from_disk(self, segments: Iterable[int]) -> None:
-        """Note that the disk no longer holds these."""
-        for segment in segments:
-            self.holdings.drop_disk(segment)
-
-    def restored(self, entry: CachedSegment) -> None:
-        """Take a segment that ``RestoreNeeded`` asked for, verified by the caller."""
-        self._transfers.restored(entry)
-
-    def lost(self, segment: int) -> None:
-        """Note that the disk cannot give a segment that it was asked for."""
-        self._transfers.lost(segment)
-
-    # ---- payload that is fetched
-
-    def fetched(self, segment: int, payload: bytes) -> None:
-        """Take a payload that ``FetchNeeded`` asked for; its hash is compared here."""
-        self._transfers.on_fetched(segment, payload)
-
-    def tell_fetched(self) -> None:
-        """Tell the server what was fetched since it was last told."""
-        if self._open:
-            self._transfers.tell_fetched()
-
-    def stop_pulling(self) -> None:
-        """Ask for payload in frames, from the next connection on: the pack is out of reach."""
-        self._pulls = False
-
-    # ---- messages
-
-    def _on_message(self, message: Message) -> None:
-        transfers = self._transfers
-        if isinstance(message, Welcome):
-            self._on_welcome(message)
-        elif isinstance(message, Error):
-            self._on_error(message)
-        elif not self._open:
-            raise ProtocolViolationError(f"got {message.TYPE} first, expected welcome or error")
-        elif isinstance(message, Plan):
-            transfers.on_plan(message)
-        elif isinstance(message, Ready):
-            transfers.on_ready(message)
-        elif isinstance(message, Degraded):
-            transfers.on_degraded(message)
-        elif isinstance(message, SupersededMessage):
-            transfers.on_superseded(message)
-        elif isinstance(message, Prefetch):
-            transfers.on_prefetch(message)
-        elif isinstance(message, Picked):
-            self._picks.answered(message)
-        elif isinstance(message, Notice):
-            noticed = Noticed(message.kind, message.version, message.reconnect_after_ms)
-            self._events.append(noticed)
-        elif isinstance(message, HeldChecked):
-            self._on_dropped(message.dropped.tolist())
+        record = None if event.landing is None else self._landings.get(event.landing)
+        if record is None:
+            return
+        if isinstance(event, told.Planned):
+            record.trace.server_session = self._welcomed.session
+            record.planned(event, self._scales, self.scene.base_faces)
+        elif isinstance(event, told.LandingSent):
+            record.trace.sent_s = time.monotonic()
+        elif isinstance(event, told.PayloadBegan):
+            record.trace.first_byte_s = time.monotonic()
+        elif isinstance(event, told.InnerWhole):
+            record.inner, record.trace.degraded_s = event, time.monotonic()
+            record.changes.changed()
+        elif isinstance(event, told.Shown):
+            record.shown, record.trace.ready_s = event, time.monotonic()
+            record.changes.changed()
+        elif isinstance(event, told.Superseded):
+            record.fail(LandingSupersededError(event.landing, event.by))
         else:
-            self.group.receive(message)
+            record.fail(ServerError(event.code, event.message))
+        if record.is_over:
+            del self._landings[record.number]
 
-    def _on_welcome(self, welcome: Welcome) -> None:
-        if self._open or not self._greeting:
-            raise ProtocolViolationError("got a second welcome, expected one")
-        if welcome.protocol[0] != PROTOCOL[0]:
-            raise ProtocolViolationError(
-                f"got protocol {welcome.protocol[0]}.{welcome.protocol[1]}, "
-                f"expected {PROTOCOL[0]}.x"
-            )
-        self._open, self._greeting = True, False
-        changed = self.version is not None and self.version != welcome.scene.version
-        self.version = welcome.scene.version
-        if changed:  # visible ids meant segments of the version before (5.4)
-            self._transfers.hide_all()
-        credit = min(self.options.credit_bytes, welcome.limits.max_credit_bytes)
-        self._transfers.pull = self._address_of(welcome.pull)
-        # Granted in halves: the server never runs dry while a grant is on its way (8).
-        self._credit_step = max(1, credit // 2)
-        self._max_radius_m = welcome.limits.max_radius_m
-        self._events.append(
-            Opened(welcome.scene, welcome.limits, welcome.session, welcome.held_count, changed)
-        )
-        # In this order (5.3): what is held is offered whole before the landing, whose plan counts
-        # on it; what a connection left unanswered is asked again.
-        self._on_dropped(welcome.dropped.tolist())
-        messages, untold = self._offer.rest(welcome)
-        self._outbox.extend(messages)
-        # A server that takes no table cannot be told: what it does not know of is not held (10.2).
-        # Its files stay for other runs.
-        self.holdings.forget(untold)
-        if untold:
-            self._events.append(Dropped(tuple(untold), ()))
-        self._outbox.extend(self._picks.waiting())
-        self.group.connected(welcome.limits.groups)
-        if self._queued is not None:
-            landing, self._queued = self._queued, None
-            self._send_landing(landing)
+    def _arrived(self, event: told.SegmentArrived) -> None:
+        entry = event.entry
+        if not event.restored:
+            self._payload_bytes += len(entry.payload)
+            if self._worker is not None and not self._core.is_on_disk(entry.key):
+                self._worker.store(entry)
+        if event.landing in self._landings:
+            self._landings[event.landing].arrive(event)
 
-    def _on_dropped(self, segments: Sequence[int]) -> None:
-        """Free what the server does not count as held."""
-        dropped = tuple(segments)
-        if dropped:
-            on_disk = self.holdings.disk_hashes(dropped)
-            self.holdings.forget(dropped)
-            self._events.append(Dropped(dropped, on_disk))
+    # ---- private
 
-    def _on_error(self, error: Error) -> None:
-        # A request's own answer: nothing else was refused, unless the connection ends with it.
-        is_answer = self._picks.refused(error) or self.group.refused(error)
-        if is_answer and not error.fatal:
-            return
-        self._aim.refused(error.generation)
-        refused = None if error.fatal else self._transfers.refused(error.generation)
-        number = None if refused is None else refused.number
-        self._events.append(Refused(error.code, error.message, error.fatal, number))
-
-    # ---- state
-
-    def _address_of(self, pull: PullInfo | None) -> PackAddress | None:
-        """Return where the pack is, as welcome says (17); None where payload comes in frames."""
-        if pull is None or not self._pulls:
+    async def _warn_outside(
+        self, position: tuple[float, float, float], radius_m: float, caller: CallerLine
+    ) -> float | None:
+        """Warn of a place that the scene does not reach; return how far away it is, if so."""
+        try:
+            box = SceneBox.of(await self.manifest())
+        except (TerraportError, KeyError, TypeError, ValueError):
+            return None  # a landing does not fail for want of a warning
+        distance_m = box.distance_m(position)
+        if distance_m <= radius_m:
             return None
-        if not _PACK_PATH.fullmatch(pull.pack):
-            raise ProtocolViolationError(f"got the pack {pull.pack[:64]!r}, expected FOLDER/NAME")
-        if pull.base.startswith(("http://", "https://")):
-            return PackAddress(pull.base + pull.pack, pull.pack_bytes, is_ours=False)
-        if pull.base.startswith("/") or ":" in pull.base or ".." in pull.base:
-            raise ProtocolViolationError(
-                f"got the base address {pull.base[:64]!r}, expected http(s) or a relative path"
-            )
-        return PackAddress(f"{self._server}/{pull.base}{pull.pack}", pull.pack_bytes, is_ours=True)
+        hint = ""
+        if box.is_survey_place(position):
+            hint = ". As easting, northing and height it is: terraport.frames.to_scene converts"
+        elif box.is_above_or_below(position):
+            hint = ". Session.pick finds the surface above or below it"
+        text = f"landing at {box.explain(position, radius_m)}{hint}"
+        caller.warn(text, OutsideSceneWarning)
+        return distance_m
 
-    def _take_request(self) -> int:
-        self._requests += 1
-        return self._requests
+    async def open(self) -> None:
+        """Connect; called once, by :class:`Connecting`."""
+        self._spawn(self._link.run(), "terraport-link")
+        if self._worker is not None:
+            self._spawn(self._worker.run(), "terraport-disk")
+        await self._welcome
 
-    def _queue(self, landing: LandingState | None) -> None:
-        """Keep the newest landing for the next connection; what waited before is superseded."""
-        if landing is None:
+    @property
+    def _welcomed(self) -> told.Opened:
+        assert self._opened is not None  # connect() waits for it
+        return self._opened
+
+    async def _read_scales(self) -> None:
+        """Fetch what decoding needs, once per scene version; a failure shows in decoding alone."""
+        version = self.scene.version
+        if version == self._scales_version:
             return
-        if self._queued is not None:
-            self._events.append(Superseded(self._queued.number, landing.number))
-        self._queued = landing
+        try:
+            self._scales = scales_of(await self._http.manifest(version))
+            self._scales_version = version
+        except TerraportError as error:
+            self._scales = error
 
-    def _send_landing(self, landing: LandingState) -> None:
-        self._withdraw_unsent(landing)
-        self._transfers.tell_fetched()
-        # Evictions go first: the plan must not keep what is gone here (6.7).
-        self._send_evictions()
-        self._generation += 1
-        landing.generation = self._generation
-        self._transfers.ask(landing)
-        self._outbox.append(landing.message(self._generation, self._max_radius_m))
-        self._unsent = landing
+    def _spawn(self, work: Coroutine[Any, Any, None], name: str) -> None:
+        task = asyncio.create_task(work, name=name)
+        task.add_done_callback(self._on_task_done)
+        self._tasks.append(task)
 
-    def _withdraw_unsent(self, newer: LandingState) -> None:
-        """Replace one that never left: however often the user lands, one ``land`` waits."""
-        if self._unsent is None:
-            return
-        for message in [waiting for waiting in self._outbox if isinstance(waiting, Land)]:
-            self._outbox.remove(message)
-        if self._transfers.withdraw(self._unsent):
-            self._events.append(Superseded(self._unsent.number, newer.number))
+    def _on_task_done(self, task: asyncio.Task[None]) -> None:
+        error = None if task.cancelled() else task.exception()
+        if isinstance(error, TerraportError):
+            self._fail(error)
+        elif error is not None:
+            failure = SessionClosedError(f"a fault of the client: {error!r}")
+            failure.__cause__ = error
+            self._fail(failure)
 
-    def _send_evictions(self) -> None:
-        # What may not be told now (6.7, rule 2) is told before the next land or aim.
-        if not self._transfers.awaits_plan:
-            self._outbox.extend(self.holdings.evictions(self._transfers.open_plan))
+    def _fail(self, error: TerraportError) -> None:
+        """End the session: everyone who waits gets the error."""
+        if self._failure is None:
+            self._failure = error
+        if not self._welcome.done():
+            self._welcome.set_exception(error)
+            self._welcome.exception()  # nobody waits for it any more once open() was cancelled
+        for record in self._landings.values():
+            record.fail(error)
+        self._landings.clear()
+        for answer in self._picks.values():
+            if not answer.done():
+                answer.set_exception(error)
+        self._picks.clear()
+        if self._group is not None:
+            self._group.end(error)
 
-    def _grant(self, taken_bytes: int) -> None:
-        self._taken_bytes += taken_bytes
-        if self._taken_bytes < self._credit_step:
-            return
-        granted, self._taken_bytes = self._taken_bytes, 0
-        # One that was not sent yet grows: what waits must not grow with what comes.
-        for at, message in enumerate(self._outbox):
-            if isinstance(message, Credit):
-                self._outbox[at] = Credit(bytes=message.bytes + granted)
-                return
-        self._outbox.append(Credit(bytes=granted))
+    def _require_open(self) -> None:
+        if self._failure is not None:
+            raise SessionClosedError(str(self._failure)) from self._failure
+
+
+class Connecting:
+    """A connection about to be made: ``async with connect(...) as session``."""
+
+    def __init__(self, make: Callable[[], Coroutine[Any, Any, Session]]) -> None:
+        self._make = make
+        self._session: Session | None = None
+
+    async def open(self) -> Session:
+        """Connect without ``async with``; :meth:`Session.aclose` ends it."""
+        self._session = await self._make()
+        return self._session
+
+    async def __aenter__(self) -> Session:
+        return await self.open()
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._session is not None:
+            await self._session.aclose()
+
+
+def connect(
+    url: str,
+    token: Token = None,
+    *,
+    max_triangles: int | None = None,
+    max_bytes: int | None = None,
+    max_segments: int | None = None,
+    max_gpu_mebibytes: int | None = None,
+    cache_bytes: int = DEFAULT_CACHE_BYTES,
+    cache_dir: str | Path | None = None,
+    disk_bytes: int = DEFAULT_DISK_BYTES,
+    credit_bytes: int = 16 << 20,
+    timeouts: Timeouts | None = None,
+    group: str | None = None,
+) -> Connecting:
+    """Connect to a scene: ``async with connect(...) as session``.
+
+    Parameters
+    ----------
+    url : str
+        ``http(s)`` or ``ws(s)``, ending in ``/scenes/ID``; or a server with only one scene.
+    token : str or callable, optional
+        Bearer token; sent in a header, to that server alone. What is called gives the present one,
+        on the event loop and without waiting: then a token that expires is replaced while the
+        session goes on.
+    max_triangles, max_bytes, max_segments : int, optional
+        Hard budgets of every landing: nearest first until the next segment would exceed one.
+        Without `max_bytes`, a landing is bounded by `cache_bytes`.
+    max_gpu_mebibytes : int, optional
+        Likewise, of what a landing takes on a GPU, MiB: what a device that shows it has left for
+        one landing.
+    cache_bytes : int
+        Payload bytes kept in memory beside what is visible or on its way.
+    cache_dir : Path, optional
+        Keep segments and base meshes there too, from one run to the next. None: memory alone.
+    disk_bytes : int
+        Bound on everything in `cache_dir`.
+    credit_bytes : int
+        Payload bytes on their way at most.
+    timeouts : Timeouts, optional
+        How long to wait for what.
+    group : str, optional
+        Group that the session will join: named in the address, by which a proxy may bring all of
+        it to one server. :meth:`Session.join_group` joins it.
+
+    Returns
+    -------
+    Connecting
+        An async context manager; nothing happens before it is entered, or its ``open()`` awaited.
+        That raises
+
+        * :class:`ConnectionFailedError`, :class:`HttpError` when nobody answers (a first connection
+          is tried once; a lost one again and again, for ``timeouts.reconnect_s``),
+        * :class:`ServerError` when the server refuses, with ``code`` such as ``"unauthorised"`` or
+          ``"unknown_scene"``.
+
+    Raises
+    ------
+    UsageError
+        An argument that cannot work.
+    """
+    if group is not None:
+        checked(lambda: Join(request=0, group=group, role="member"))
+    options = SessionOptions(
+        client=f"terraport-python {__version__}",
+        max_triangles=max_triangles,
+        max_bytes=cache_bytes if max_bytes is None else max_bytes,
+        max_segments=max_segments,
+        max_gpu_bytes=None if max_gpu_mebibytes is None else max_gpu_mebibytes << 20,
+        credit_bytes=credit_bytes,
+    )
+    return Connecting(
+        partial(
+            _connected,
+            SceneUrl.parse(url),
+            Access(token),
+            options,
+            timeouts or Timeouts(),
+            cache_bytes,
+            None if cache_dir is None else Path(cache_dir),
+            disk_bytes,
+            group,
+        )
+    )
+
+
+async def _connected(
+    url: SceneUrl,
+    access: Access,
+    options: SessionOptions,
+    timeouts: Timeouts,
+    cache_bytes: int,
+    cache_dir: Path | None,
+    disk_bytes: int,
+    group: str | None,
+) -> Session:
+    http = SceneHttp(url, access, timeouts.http_s)
+    try:
+        url = await http.resolve()
+        disk, on_disk = None, {}
+        if cache_dir is not None:
+            disk = await asyncio.to_thread(DiskCache, cache_dir, url.key, disk_bytes)
+            on_disk = await asyncio.to_thread(disk.catalogue)
+        core = SessionCore(options, SegmentCache(cache_bytes), on_disk)
+        session = Session(core, http, url, access, timeouts, disk, group)
+    except BaseException:
+        await http.aclose()
+        raise
+    try:
+        await session.open()
+    except BaseException:
+        await session.aclose()
+        raise
+    return session

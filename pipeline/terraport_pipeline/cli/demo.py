@@ -314,7 +314,6 @@ def _land(console: Console, url: str) -> None:
             "segments to load": [f"{len(landing.plan.load):,}" for landing in landings],
             "held already": [f"{len(landing.plan.keep):,}" for landing in landings],
             "triangles shown": [f"{landing.plan.total_triangles:,}" for landing in landings],
-            "kept nearby": [f"{len(landing.plan.nearby):,}" for landing in landings],
             "bytes received": [f"{landing.stats.streamed_bytes:,}" for landing in landings],
             "plan after": [_milliseconds(landing.stats.plan_s) for landing in landings],
             "first segment after": [

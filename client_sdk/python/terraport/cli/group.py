@@ -11,7 +11,7 @@ from terraport.errors import GroupError, UsageError
 if TYPE_CHECKING:
     from terraport.group import Group, GroupLanding
     from terraport.landing import Landing
-    from terraport.live import Session
+    from terraport.session import Session
 
 __all__ = ["GroupOptions", "land_together", "place_of"]
 

@@ -149,7 +149,7 @@ def land(
     """
     from terraport.cli.group import GroupOptions, place_of
     from terraport.cli.landing_files import require_pictures
-    from terraport.timeouts import Timeouts
+    from terraport.options import Timeouts
 
     group_options = None if group is None else GroupOptions(group, guide, member_name, members)
     if region is not None and (x is not None or crs or ground):
@@ -239,10 +239,10 @@ async def _land(
     from terraport.cli.landing_files import write_landing
     from terraport.cli.landing_report import landing_facts, print_report, report_facts
     from terraport.cli.reach import nothing_there, require_reach
-    from terraport.client import connect
     from terraport.frames import to_scene
+    from terraport.outside import SceneBox
     from terraport.places import find_place
-    from terraport.scene_box import SceneBox
+    from terraport.session import connect
 
     traces: list[LandingTrace] = []
     async with connect(url, token, **options) as session, _traced(trace, traces):

@@ -8,10 +8,10 @@ from typing import Any, Final
 
 from terraport.base import BaseMesh
 from terraport.errors import MissingExtraError
+from terraport.http import scales_of
 from terraport.landing import Landing
 from terraport.mesh import mixed_model, write_glb
 from terraport.obj import write_obj
-from terraport.payloads import scales_of
 from terraport.textures import vertex_colours
 from terraport_payload import SegmentMesh
 
@@ -50,7 +50,7 @@ def write_landing(
     written = []
     if glb is not None:
         # Sunk at the rim, since a file has no eye to push the base away from.
-        model = mixed_model(base, segments, sink_rim_m=deviation_m)
+        model = mixed_model(base, segments, landing.hidden_faces, sink_rim_m=deviation_m)
         scales = scales_of(manifest)
         if glb.suffix.lower() == ".obj":
             size = write_obj(model, glb)
@@ -80,7 +80,9 @@ def _write_picture(
     boxes = np.array([segment.bounds for segment in landing.segments], dtype=np.float64)
     corners = boxes.reshape(-1, 3) if len(boxes) else base.mesh.positions
     camera = oblique(corners, aspect=width / height)
-    model = mixed_model(base, segments, push_back_m=deviation_m, eye=camera.eye)
+    model = mixed_model(
+        base, segments, landing.hidden_faces, push_back_m=deviation_m, eye=camera.eye
+    )
     picture = render_mesh(
         model.positions,
         model.faces.astype(np.int32),

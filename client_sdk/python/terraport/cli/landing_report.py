@@ -10,7 +10,7 @@ from rich.table import Table
 
 from terraport.frames import to_crs
 from terraport.landing import Landing
-from terraport.live import Session
+from terraport.session import Session
 
 __all__ = ["landing_facts", "print_report", "report_facts"]
 
@@ -50,7 +50,6 @@ def landing_facts(landing: Landing) -> dict[str, Any]:
         "load_bytes": plan.load_bytes,
         "load_triangles": plan.load_triangles,
         "keep_segments": len(plan.keep),
-        "nearby_segments": len(plan.nearby),
         "total_bytes": plan.total_bytes,
         "total_triangles": plan.total_triangles,
         "omitted_segments": plan.omitted_segments,
@@ -120,7 +119,6 @@ _ROWS: Final = (
     ("held already", lambda landing: f"{landing['keep_segments']:,} segments"),
     ("shown", lambda landing: f"{landing['total_triangles']:,} triangles"),
     ("", lambda landing: _bytes(landing["total_bytes"])),
-    ("kept nearby", lambda landing: f"{landing['nearby_segments']:,} segments"),
     ("streamed", lambda landing: _bytes(landing["streamed_bytes"])),
     ("plan after", lambda landing: _milliseconds(landing["plan_s"])),
     ("first segment after", lambda landing: _milliseconds(landing["first_segment_s"])),

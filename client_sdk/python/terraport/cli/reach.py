@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
-from terraport.access import Access
+from terraport.address import Access, SceneUrl
 from terraport.errors import HttpError, ServerError, TerraportError, UsageError
 from terraport.http import SceneHttp
 from terraport.landing import Landing
-from terraport.scene_box import SceneBox
-from terraport.urls import SceneUrl
+from terraport.outside import SceneBox
 from terraport_wire import CLOSE_CODES, HTTP_STATUS, ErrorCode
 
 __all__ = ["explain_refusal", "nothing_there", "require_reach"]
