@@ -117,7 +117,9 @@ def test_a_server_that_is_away_is_asked_again_later_each_time(
 def test_a_deadline_shows_the_inner_part_first(client: Client, server: Service) -> None:
     with ThreadedProxy(server.url) as line:
         line.proxy.bytes_per_s = 1_200_000
-        landed = client.land(f"{line.url}/scenes/big", "land:30,1,30,100,15,1500")
+        landed = client.land(
+            f"{line.url}/scenes/big", "land:30,1,30,100,15,1500", credit_bytes=300_000
+        )
     assert landed.exit_code == 0, landed.output[-3000:]
     (degraded,), (ready,) = landed.of("degraded"), landed.landings
     assert degraded["landing"] == ready["landing"]
