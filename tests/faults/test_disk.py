@@ -78,7 +78,7 @@ def test_a_publication_that_finds_the_disk_full(
 
 def test_the_sdks_cache_on_a_full_disk(small_disk: Path, tmp_path: Path) -> None:
     """Landings go on from memory; the cache keeps what fits, and what it keeps is right."""
-    scene = write_grid_scene(tmp_path / "scenes" / "grid", cells=60)
+    scene = write_grid_scene(tmp_path / "scenes" / "grid", cells=80)
     assert sum(map(len, scene.payloads)) > 3 << 20
 
     async def work(url: str) -> int:
