@@ -124,6 +124,7 @@ def decode(
             refused.text,
             generation=_readable(plain, "generation", message),
             request=_readable(plain, "request", message),
+            from_server=direction is Direction.SERVER_TO_CLIENT,
         ) from None
     assert isinstance(decoded, Message)
     return decoded

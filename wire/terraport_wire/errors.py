@@ -184,7 +184,7 @@ class FieldError(DecodeError):
     fatal : bool
         False for ``aim``, ``land``, ``prefetch``, ``pick``, ``join`` and ``gather``: they are
         refused and the session goes on, because nothing was changed by them.  True for every
-        other message: the two sides' views of the session would differ.
+        other message, and for all of a server: the two sides' views of the session would differ.
     """
 
     code = ErrorCode.INVALID_FIELD
@@ -197,13 +197,15 @@ class FieldError(DecodeError):
         *,
         generation: int | None = None,
         request: int | None = None,
+        from_server: bool = False,
     ) -> None:
         super().__init__(text)
         self.message_type = message_type
         self.field = field
         self.generation = generation
         self.request = request
-        self.fatal = message_type not in {"aim", "land", "prefetch", "pick", "join", "gather"}
+        refusable = {"aim", "land", "prefetch", "pick", "join", "gather"}
+        self.fatal = from_server or message_type not in refusable
 
     def __str__(self) -> str:
         return f"{self.message_type}.{self.field}: {self.text}"
