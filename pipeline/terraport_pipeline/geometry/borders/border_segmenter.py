@@ -138,15 +138,19 @@ class Evidence:
         area = cells.sums[:, :1] / _SQUARE_MM
         length = cells.border / LENGTH_STEPS
         low, high = cells.pairs.T
-        step = features[low] - features[high]
+        # Column by column: contacts of a large survey take more memory than all else.
+        contact = np.empty((len(length), 3 + features.shape[1]))
+        contact[:, 0] = length
+        contact[:, 1] = length * self.steepness
+        contact[:, 2] = length * held
+        for column, values in enumerate(features.T, 3):
+            contact[:, column] = length * (values[low] - values[high])
         return Units(
             np.column_stack([area, area * features]),
             np.column_stack([area[:, 0] * self.around, cells.sums[:, 5:8] / _SQUARE_MM]),
             np.zeros((cells.count, 2)),
             cells.pairs,
-            np.column_stack(
-                [length, length * self.steepness, length * held, length[:, None] * step]
-            ),
+            contact,
             cells.keys,
         )
 
@@ -230,12 +234,13 @@ class BorderSegmenter:
         -------
         BorderCut
         """
-        # (1) Evidence.
-        units = self._units(cells, before)
         rule = replace(self.rule, contrast=self.rule.contrast * self.strength)
         rule = replace(rule, noise=rule.noise * self.strength)
-        # (2) Seeds, and unions that cost so little that nothing tips them.
-        seeds, seed_of = unite_seeds(units, (self.region_size_m / _SEEDS) ** 2, rule)
+        # (1) Seeds by the evidence. Nothing else holds the cells' units: of a large survey they
+        # take gigabytes.
+        most_m2 = (self.region_size_m / _SEEDS) ** 2
+        seeds, seed_of = unite_seeds(self._units(cells, before), most_m2, rule)
+        # (2) Unions that cost so little that nothing tips them.
         area = np.rint(seeds.sums[:, 0] * _SQUARE_MM).astype(np.int64)
         record = _TreeRecord(seeds.count)
         left = seeds

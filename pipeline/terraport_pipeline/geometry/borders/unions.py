@@ -110,10 +110,12 @@ class Units:
         inner = ends[:, 0] == ends[:, 1]
         within = _sums(node, self.within, count)
         within += _sums(ends[inner, 0], self.contact[inner, :2], count)
-        outer = self.contact[~inner]
-        turned = ends[~inner, 0] > ends[~inner, 1]
-        outer[turned, 3 : 2 + self.sums.shape[1]] *= -1.0
-        pairs, contact = _summed_contacts(np.sort(ends[~inner], axis=1), outer, count)
+        rows = np.flatnonzero(~inner)
+        outer = ends[rows]
+        turned = outer[:, 0] > outer[:, 1]
+        outer.sort(axis=1)
+        last_step = 2 + self.sums.shape[1]
+        pairs, contact = _summed_contacts(outer, self.contact, rows, turned, last_step, count)
         name = np.full(count, np.iinfo(np.int64).max, np.int64)
         np.minimum.at(name, node, self.name)
         return Units(
@@ -309,10 +311,24 @@ def _chances(first: Int64, second: Int64, run: int) -> Float64:
 
 
 @numba.njit(cache=True, nogil=True)
-def _summed_contacts(ends: Int32, values: Float64, count: int) -> tuple[Int32, Float64]:
-    """Sum up rows of equal ends, in order of the lower end, then the other; equal ones in theirs.
+def _summed_contacts(
+    ends: Int32, contact: Float64, rows: Int64, turned: Bool, last_step: int, count: int
+) -> tuple[Int32, Float64]:
+    """Sum up contacts of equal ends, in order of the lower end, then the other.
 
-    By counting, twice: half the time of sorting, and the sums are those to the last bit.
+    By counting, twice: half the time of sorting, and the sums are those to the last bit. Nothing
+    is as large as the contacts but the result.
+
+    Parameters
+    ----------
+    ends : ndarray of shape (N, 2), int32
+        The lower end first.
+    contact : ndarray of shape (E, C)
+    rows : ndarray of shape (N,), int64
+        Row of each in `contact`.
+    turned : ndarray of shape (N,), bool
+        Whether its steps, columns 3 to ``last_step - 1``, run from the higher end.
+    last_step, count : int
     """
     order = np.arange(len(ends))
     for side in (1, 0):
@@ -325,15 +341,22 @@ def _summed_contacts(ends: Int32, values: Float64, count: int) -> tuple[Int32, F
             sorted_rows[start[ends[row, side]]] = row
             start[ends[row, side]] += 1
         order = sorted_rows
-    pairs = np.empty((len(ends), 2), np.int32)
-    sums = np.zeros(values.shape, np.float64)
+    found = 0
+    for place in range(len(order)):
+        one, other = ends[order[place]], ends[order[max(place - 1, 0)]]
+        if place == 0 or one[0] != other[0] or one[1] != other[1]:
+            found += 1
+    pairs = np.empty((found, 2), np.int32)
+    sums = np.zeros((found, contact.shape[1]), np.float64)
     last = -1
     for row in order:
         if last < 0 or pairs[last, 0] != ends[row, 0] or pairs[last, 1] != ends[row, 1]:
             last += 1
             pairs[last] = ends[row]
-        sums[last] += values[row]
-    return pairs[: last + 1].copy(), sums[: last + 1].copy()
+        for column in range(contact.shape[1]):
+            value = contact[rows[row], column]
+            sums[last, column] += -value if turned[row] and 3 <= column < last_step else value
+    return pairs, sums
 
 
 @numba.njit(cache=True, nogil=True)

@@ -44,8 +44,8 @@ from terraport_pipeline.stages.region_engine import (
 __all__ = ["CELL_BYTES", "TileEngine", "tile_engine"]
 
 CELL_BYTES: Final = 850
-"""Of a cell of engine borders while all are united: 743 measured on 506,399 cells of a valley
-(``BorderSegmenter.cut``), and its sums and contacts, 97, of the tiles and of the whole."""
+"""Of a cell of engine borders while all are united: 788 measured on the 4.7 million cells of a
+quarry of 100 million points, their sums and contacts among them."""
 
 
 class TileEngine(Protocol):
@@ -136,6 +136,7 @@ class _Borders:
         cells, of_tile = joined_cells(
             graphs, at_seams + starts[seams.tiles], length_steps(seams.length_m)
         )
+        del graphs
         # (2) Regions, numbered by first cell in order of the tiles, hence by first face.
         cut = border_segmenter(self.options).cut(cells, before)
         every = np.concatenate(of_tile)
