@@ -63,11 +63,12 @@ def client(request: pytest.FixtureRequest) -> Client:
 
 @pytest.fixture(scope="session")
 def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with `grid`, `levels` (two of them) and `tiny` (small), `big` (10 MB), `axes`."""
+    """A folder with `grid`, `levels` (two), `tiny` (small), `big` (3.7 MB), `bigger`, `axes`."""
     root = tmp_path_factory.mktemp("scenes")
     write_grid_scene(root / "grid")
     write_grid_scene(root / "levels", levels=2)
     write_grid_scene(root / "big", cells=80, name="big")
+    write_grid_scene(root / "bigger", cells=130, name="bigger")
     write_axes_scene(root / "axes")
     write_tiny_scene(root / "tiny")
     return root

@@ -29,13 +29,13 @@ MAX_RATIO: Final = 1.15
 @pytest.fixture(scope="module")
 def early(cpp: cores.CppCore, server: Service) -> dict[str, Any]:
     """The plugin starts before anybody has loaded the engine's module."""
-    return socket_pace(cpp, f"{server.url}/scenes/big", RADIUS_M)
+    return socket_pace(cpp, f"{server.url}/scenes/bigger", RADIUS_M)
 
 
 @pytest.fixture(scope="module")
 def late(cpp: cores.CppCore, server: Service) -> dict[str, Any]:
     """Something else has loaded it before."""
-    return socket_pace(cpp, f"{server.url}/scenes/big", RADIUS_M, late=True)
+    return socket_pace(cpp, f"{server.url}/scenes/bigger", RADIUS_M, late=True)
 
 
 def test_the_plugin_sets_the_pace_before_the_module_is_loaded(early: dict[str, Any]) -> None:
@@ -66,7 +66,7 @@ def test_nothing_but_the_bytes_is_waited_for(
     cpp: cores.CppCore, server: Service, buffer_kib: int
 ) -> None:
     """Asking, planning and acknowledging cost next to no rounds, however small or large."""
-    url = f"{server.url}/scenes/big"
+    url = f"{server.url}/scenes/bigger"
     pace = socket_pace(cpp, url, FULL_RADIUS_M, late=True, buffer_bytes=buffer_kib * 1024)
     assert pace["payload_bytes"] > 8e6
     needed_s = pace["payload_bytes"] / (buffer_kib * 1024) * ENGINES_S

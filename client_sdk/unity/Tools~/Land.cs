@@ -235,7 +235,7 @@ namespace Terraport.Tools
                     catch (PayloadException error)
                     {
                         // Damaged, though its hash was right: the build's mistake, or the decoder's.
-                        failure = "segment " + segment + ": " + error.Message;
+                        failure = failure ?? "segment " + segment + ": " + error.Message;
                         json.Null();
                         continue;
                     }

@@ -270,7 +270,9 @@ class Visit {
       json.key(std::to_string(segment));
       const Status status = decodePayload(job, mesh);
       if (!status.isOk()) {
-        failure_ = "segment " + std::to_string(segment) + ": " + status.text();
+        if (failure_.empty()) {
+          failure_ = "segment " + std::to_string(segment) + ": " + status.text();
+        }
         json.null();
         continue;
       }
