@@ -198,7 +198,7 @@ def test_past_the_deadline_the_inner_part_is_shown_first(open_page: OpenPage, sc
     # Little credit: else the server has handed all of so small a landing to the line at once.
     with Service(scenes, max_credit_bytes=16_384) as service, line_to(service.url) as line:
         viewer = opened(open_page, line.url, LOST)
-        line.slow(20_000)
+        line.slow(10_000)
         viewer.run(
             "() => { window.swaps = []; terraport.on('swap', (report) => window.swaps.push("
             "{degraded: report.degraded, segments: terraport.visible.length})); }"

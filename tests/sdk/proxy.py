@@ -75,7 +75,7 @@ class Proxy:
             return
         try:
             up_reader, up_writer = await asyncio.open_connection(*self._target)
-        except OSError:
+        except (OSError, asyncio.CancelledError):
             writer.transport.abort()
             return
         self.connections += 1
