@@ -38,6 +38,7 @@ from websockets.typing import Subprotocol
 
 from terraport_wire import (
     Budgets,
+    Credit,
     Direction,
     Error,
     Gather,
@@ -122,7 +123,7 @@ async def gather(scene: str, token: str) -> None:
 
 async def stall(scene: str, token: str) -> None:
     """Land on everything with much credit and never read; eight connections."""
-    sockets = [await join_service(scene, token, 64 << 20) for _ in range(8)]
+    sockets = [await join_service(scene, token, 616 << 20) for _ in range(8)]
     for socket in sockets:
         socket.transport.pause_reading()
     for generation in range(1 << 30):
@@ -171,8 +172,8 @@ def abuse(number: int, scene: str, token: str) -> None:
 async def land_honestly(scene: str, token: str, landings: int) -> tuple[list[float], int]:
     """Land, wait for ready, rest; return seconds to ready, and failures."""
     draw = np.random.default_rng(1)
-    seconds, failed, taken_bytes = [], 0, 0
-    socket = await join_service(scene, token, 1 << 30)
+    seconds, failed, taken_bytes, used_bytes = [], 0, 0, 0
+    socket = await join_service(scene, token, 16 << 20)
     await socket.recv()
     for generation in range(1, landings + 1):
         x, z = draw.uniform(-15, 15, 2)
@@ -186,18 +187,23 @@ async def land_honestly(scene: str, token: str, landings: int) -> tuple[list[flo
                     data = await socket.recv()
                     if is_payload(data):
                         taken_bytes += len(data) - 24
+                        used_bytes += len(data) - 24
                         continue
                     message = decode(data, Direction.SERVER_TO_CLIENT)
                     if isinstance(message, Error):
+                        print("refused:", message.code, message.message, file=sys.stderr)
                         failed += 1
                         break
                     if isinstance(message, Ready) and message.generation == generation:
                         seconds.append(time.perf_counter() - began_s)
                         break
-        except (TimeoutError, WebSocketException):
+        except (TimeoutError, WebSocketException) as error:
+            print(f"landing {generation}: {error!r}", file=sys.stderr)
             failed += 1
-            socket = await join_service(scene, token, 1 << 30)
+            socket = await join_service(scene, token, 16 << 20)
             taken_bytes = 0
+        await socket.send(encode(Credit(bytes=max(used_bytes, 1))))
+        used_bytes = 0
         await asyncio.sleep(0.1)
     await socket.close()
     return seconds, failed
