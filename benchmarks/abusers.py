@@ -1,11 +1,11 @@
-"""One honest client beside abusive token holders, behind the proxy that compose ships.
+"""Measure an honest client while ten token holders abuse the service, behind compose's proxy.
 
 Caddy runs with docker/caddy/Caddyfile (TLS by its own CA), the service behind it on 127.0.0.1:8080,
 each as a process; every client comes from one address with a token of its own, over wss. Ten
 abusers: wide landings, wide prefetches and picks as fast as the rate allows, groups that gather all
 the time, clients that land on everything and never read, messages of which half is sent. The honest
-client lands at random places; the figure is the 99th percentile of land to ready beside abusers
-over that of the idle service, in turns of one run.
+client lands at random places; the result is the 99th percentile of the time from land to
+ready with abusers, divided by that of the idle service, in turns of one run.
 
     python benchmarks/abusers.py --scene data/sample_scene        about two minutes
 """
@@ -256,20 +256,20 @@ def main() -> int:
             proxy.terminate()
             proxy.wait(10)
     print(
-        "| round | idle p50 ms | idle p99 ms | beside p50 ms | beside p99 ms | p99 ratio | failed |"
+        "| round | idle p50 ms | idle p99 ms | abused p50 ms | abused p99 ms | p99 ratio | failed |"
     )
     print("| -- | -- | -- | -- | -- | -- | -- |")
-    for number, (idle, beside) in enumerate(rows, 1):
-        ratio = beside["p99_ms"] / idle["p99_ms"]
+    for number, (idle, abused) in enumerate(rows, 1):
+        ratio = abused["p99_ms"] / idle["p99_ms"]
         print(
-            f"| {number} | {idle['p50_ms']:.1f} | {idle['p99_ms']:.1f} | {beside['p50_ms']:.1f} "
-            f"| {beside['p99_ms']:.1f} | {ratio:.2f} | {idle['failed'] + beside['failed']:.0f} |"
+            f"| {number} | {idle['p50_ms']:.1f} | {idle['p99_ms']:.1f} | {abused['p50_ms']:.1f} "
+            f"| {abused['p99_ms']:.1f} | {ratio:.2f} | {idle['failed'] + abused['failed']:.0f} |"
         )
-    return int(any(idle["failed"] + beside["failed"] for idle, beside in rows))
+    return int(any(idle["failed"] + abused["failed"] for idle, abused in rows))
 
 
 def turn(tokens: list[str], landings: int) -> tuple[dict[str, float], dict[str, float]]:
-    """Land on the idle service, then beside the abusers."""
+    """Land on the idle service, then while the abusers run."""
     idle = figures(*asyncio.run(land_honestly("scene", tokens[-1], landings)))
     context = multiprocessing.get_context("spawn")
     abusers = [
@@ -280,13 +280,13 @@ def turn(tokens: list[str], landings: int) -> tuple[dict[str, float], dict[str, 
         process.start()
     time.sleep(5)
     try:
-        beside = figures(*asyncio.run(land_honestly("scene", tokens[-1], landings)))
+        abused = figures(*asyncio.run(land_honestly("scene", tokens[-1], landings)))
     finally:
         for process in abusers:
             process.kill()
             process.join()
     time.sleep(2)
-    return idle, beside
+    return idle, abused
 
 
 if __name__ == "__main__":

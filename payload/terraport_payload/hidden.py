@@ -1,4 +1,4 @@
-"""Which base faces are hidden when a set of segments is shown.
+"""Find the base faces that are hidden when a set of segments is shown.
 
 A base face is hidden where at least one segment lies over it, and all that do are shown.
 
@@ -18,7 +18,7 @@ __all__ = ["HiddenFaces"]
 
 
 class HiddenFaces:
-    """The hidden base faces of any set of segments, in time that grows with the set.
+    """Index that answers which base faces are hidden.
 
     Parameters
     ----------
@@ -68,9 +68,8 @@ class HiddenFaces:
         # All faces under the segments: a range of `_faces` for each.
         ahead = np.cumsum(lengths) - lengths
         places = np.arange(int(lengths.sum())) + np.repeat(starts - ahead, lengths)
-        faces, counts = np.unique(self._faces[places], return_counts=True)
-        hidden = np.zeros(self.base_faces, dtype=bool)
-        hidden[faces] = counts == self._rows[faces]
+        counts = np.bincount(self._faces[places], minlength=self.base_faces)
+        hidden: Bool = (counts == self._rows) & (self._rows > 0)
         return hidden
 
     def packed(self, segments: AnyInt) -> bytes:

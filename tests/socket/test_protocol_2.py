@@ -213,6 +213,16 @@ def test_bad_questions_over_http(
     assert answer.json()["error"]["message"]
 
 
+def test_a_plan_names_the_pack_where_others_serve_it(scenes_dir: Any, grid: GridScene) -> None:
+    path = grid.manifest.files["segments.pack"].path
+    query = {"x": CENTRE[0], "y": CENTRE[1], "z": CENTRE[2], "radius_m": 12.0}
+    with BackgroundServer(scenes_dir, pull_base_url="https://cdn.example/scenes") as running:
+        url = f"{running.scene_url('grid')}/{path.partition('/')[0]}/plan"
+        plan = decode(httpx.get(url, params=query).content, Direction.SERVER_TO_CLIENT)
+    assert isinstance(plan, Plan)
+    assert plan.pack == f"https://cdn.example/scenes/grid/{path}"
+
+
 def test_a_plan_of_an_unknown_version(server: BackgroundServer) -> None:
     url = f"{server.scene_url('grid')}/v-000000000000/plan?x=0&y=0&z=0&radius_m=1"
     assert httpx.get(url).status_code == 404

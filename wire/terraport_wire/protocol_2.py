@@ -180,23 +180,6 @@ class Hello(ClientMessage):
     credit_bytes: Annotated[int, Integer(0, MAX_INTEGER), "Payload that may be sent at first"]
 
 
-class _Place:
-    """What ``land`` and ``prefetch`` have in common: the check of their radii."""
-
-    __slots__ = ()
-
-    def contradiction(self) -> tuple[str, str] | None:
-        """Check the other radii against the radius."""
-        radius_m: float = getattr(self, "radius_m")  # noqa: B009 - declared in the subclasses
-        coarse_m: float | None = getattr(self, "coarse_radius_m")  # noqa: B009
-        inner_m: float | None = getattr(self, "inner_radius_m", None)
-        if coarse_m is not None and coarse_m < radius_m:
-            return "coarse_radius_m", f"got {coarse_m:g}, expected at least radius_m {radius_m:g}"
-        if inner_m is not None and inner_m > radius_m:
-            return "inner_radius_m", f"got {inner_m:g}, expected at most radius_m {radius_m:g}"
-        return None
-
-
 Coarse = Annotated[
     float | None,
     Number(0.0, MAX_RADIUS_M, low_excluded=True),
@@ -212,28 +195,8 @@ Taken = Annotated[
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Land(_Place, ClientMessage):
-    """The user lands: answer with a plan, send what the client does not have, say ready."""
-
-    TYPE: ClassVar[str] = "land"
-
-    generation: Generation
-    position: Centre
-    radius_m: Radius
-    coarse_radius_m: Coarse = None
-    inner_radius_m: Annotated[
-        float | None,
-        Number(0.0, MAX_RADIUS_M, low_excluded=True),
-        "A smaller set that the client may show first",
-    ] = None
-    have: Have
-    without: Without = None
-    taken_bytes: Taken
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Prefetch(_Place, ClientMessage):
-    """The user points at a place: send ahead what a landing there needs."""
+class Prefetch(ClientMessage):
+    """Send ahead what a landing at a place needs: the user points there."""
 
     TYPE: ClassVar[str] = "prefetch"
 
@@ -244,6 +207,34 @@ class Prefetch(_Place, ClientMessage):
     have: Have
     without: Without = None
     taken_bytes: Taken
+
+    def contradiction(self) -> tuple[str, str] | None:
+        """Compare the radii."""
+        coarse_m = self.coarse_radius_m
+        if coarse_m is not None and coarse_m < self.radius_m:
+            expected = f"expected at least radius_m {self.radius_m:g}"
+            return "coarse_radius_m", f"got {coarse_m:g}, {expected}"
+        return None
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Land(Prefetch):
+    """Answer with a plan, send the segments that the client does not have, then ``ready``."""
+
+    TYPE: ClassVar[str] = "land"
+
+    inner_radius_m: Annotated[
+        float | None,
+        Number(0.0, MAX_RADIUS_M, low_excluded=True),
+        "A smaller set that the client may show first",
+    ] = None
+
+    def contradiction(self) -> tuple[str, str] | None:
+        """Compare the radii."""
+        if self.inner_radius_m is not None and self.inner_radius_m > self.radius_m:
+            expected = f"expected at most radius_m {self.radius_m:g}"
+            return "inner_radius_m", f"got {self.inner_radius_m:g}, {expected}"
+        return Prefetch.contradiction(self)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)

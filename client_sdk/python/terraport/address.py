@@ -1,4 +1,4 @@
-"""Where a scene is, and who asks: URLs in every form that a user may paste, and tokens.
+"""Scene URLs, in every form that a user may paste, and access tokens.
 
 PURE: no I/O, no clock.
 """

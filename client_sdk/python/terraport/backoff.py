@@ -1,4 +1,4 @@
-"""When to connect again and how fast to speak, and why nobody was reached, in words.
+"""Reconnect delays, message rate, and error texts for servers that cannot be reached.
 
 After a lost connection 0.5 s, then twice as long each time up to 30 s, each wait multiplied by a
 random number in [0.5, 1], so that the clients of a restarted server do not all come back in the

@@ -1,4 +1,4 @@
-"""Payloads in memory: by key, bounded in bytes, what was used longest ago goes first.
+"""In-memory cache of payloads by key: least recently used first, bounded in bytes.
 
 PURE: no I/O, no clock.
 """
@@ -22,7 +22,7 @@ class CachedSegment:
     """A payload whose checksums are right."""
 
     key: int
-    """Names it by its content, in any version of the scene."""
+    """Content key: equal in all versions of the scene that have this payload."""
     box: Box
     payload: bytes = field(repr=False)
 
@@ -33,7 +33,7 @@ class SegmentCache:
     Parameters
     ----------
     max_bytes : int
-        Payload bytes kept beside what :meth:`trim` is told to keep.
+        Maximum payload bytes, in addition to what :meth:`trim` must keep.
 
     Examples
     --------

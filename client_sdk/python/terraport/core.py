@@ -1,11 +1,11 @@
-"""The client's half of protocol 2: WebSocket messages in; events, and messages to send, out.
+"""Session state of a protocol 2 client: messages in; events and messages to send out.
 
-The shell (:mod:`terraport.session`) owns sockets, tasks, files and clocks. It gives commands and
-what was received, and after each drains :meth:`SessionCore.events` and
+The shell (:mod:`terraport.session`) owns sockets, tasks, files and clocks. It passes in commands
+and received messages, and after each call drains :meth:`SessionCore.events` and
 :meth:`SessionCore.data_to_send`.
 
-The server keeps no table of what is held here: every ``land`` names it. What a landing was
-promised, or named, stays in memory until the landing is shown. Section numbers are those of
+The server keeps no table of what the client holds: every ``land`` lists it. Segments that a
+landing listed or received stay in memory until the landing is shown. Section numbers are those of
 ``spec/protocol-2.md``.
 
 PURE: no I/O, no clock, no task.
@@ -23,7 +23,7 @@ from typing import Any, Final
 import numpy as np
 
 import terraport_wire as wire
-from terraport import events as told
+from terraport import events as core_events
 from terraport.cache import Box, CachedSegment, SegmentCache
 from terraport.errors import ProtocolViolationError
 from terraport.options import SessionOptions, checked, point
@@ -36,23 +36,23 @@ __all__ = ["SessionCore"]
 
 _NONE: Final = np.zeros(0, p2.KEY_DTYPE)
 _MOST_FAILURES: Final = 2
-"""A key that failed so often is left out (4, rule 8)."""
+"""Maximum deliveries of a damaged segment before its key is left out (4, rule 8)."""
 
 Point = tuple[float, float, float]
 
 
 @dataclass(slots=True)
 class _Landing:
-    """One landing that the caller asked for, over as many generations as it takes."""
+    """One landing that the caller asked for; it may be sent several times, as generations."""
 
     number: int
     """The session's own number, the same over generations."""
     wanted: p2.Land
-    """With generation 0, and nothing of what is held."""
+    """The request, with generation 0 and an empty ``have``."""
     is_urgent: bool = False
-    """Whether the inner set is good enough: the user's patience is over."""
+    """Whether the inner set is enough: the deadline has passed."""
     sent: p2.Land | None = None
-    """As it was sent last; None while it waits to be sent."""
+    """The message that was sent last; None while it waits to be sent."""
     plan: p2.Plan | None = None
     ready: p2.Ready | None = None
     hidden: bytes = b""
@@ -60,21 +60,21 @@ class _Landing:
     waiting: set[int] = field(default_factory=set)
     """Keys of the plan that are neither in memory nor missing."""
     restoring: set[int] = field(default_factory=set)
-    """Those of them that the disk is being asked for."""
-    named: set[int] = field(default_factory=set)
-    """Before the plan: what ``have`` named, and what came since."""
-    came: set[int] = field(default_factory=set)
-    """Keys that came from the server since the landing was asked for."""
+    """Keys in `waiting` that are being read from disk."""
+    protected: set[int] = field(default_factory=set)
+    """Until the plan arrives: keys that ``have`` listed, and those that arrived since."""
+    streamed: set[int] = field(default_factory=set)
+    """Keys that the server sent since the landing was requested."""
     failures: Counter[int] = field(default_factory=Counter)
-    """How often a segment did not come whole, by key."""
+    """Number of failed deliveries by key."""
     given_up: dict[int, int] = field(default_factory=dict)
-    """Segment by key, of what failed too often: left out from then on."""
+    """Segment id by key of segments that failed too often; left out of later requests."""
     has_begun: bool = False
 
     @property
     def needs(self) -> Collection[int]:
         """Keys that must not leave memory before it is shown."""
-        return self.named if self.plan is None else self.plan.show["key"].tolist()
+        return self.protected if self.plan is None else self.plan.show["key"].tolist()
 
     def shown_rows(self, count: int | None = None) -> AnyArray:
         """Return the first rows of the plan that are not missing."""
@@ -91,7 +91,7 @@ class SessionCore:
     Parameters
     ----------
     options : SessionOptions
-        What is told to the server.
+        Options of the session, among them the budgets in ``hello``.
     cache : SegmentCache
         Payloads in memory; from now on owned by the session.
     on_disk : mapping of int to Box, optional
@@ -109,7 +109,7 @@ class SessionCore:
         """Scene version of the newest connection."""
         self.is_open = False
         """Whether the server has said welcome on the present connection."""
-        self.shown = told.Shown(0, (), (), b"")
+        self.shown = core_events.Shown(0, (), (), b"")
         """What is visible."""
         self.repeated_bytes = 0
         """Payload bytes of whole segments that were in memory already; 0 with a right server."""
@@ -119,9 +119,9 @@ class SessionCore:
         """Keys of what is visible."""
         self._cache = cache
         self._disk: dict[int, Box] = dict(on_disk or {})
-        self._events: list[told.Event] = []
+        self._events: list[core_events.Event] = []
         self._outbox: list[wire.Message] = []
-        self._leaving: int | None = None
+        self._departing: int | None = None
         """The landing whose ``land`` was given out to be sent."""
         self._greeting = False
         self._generation = self._landings = self._requests = 0
@@ -132,7 +132,7 @@ class SessionCore:
         self._picks: dict[int, wire.Pick] = {}
         self._part: tuple[int, int, bytearray] | None = None
         """Key, total and what has come of the segment that is under way."""
-        self._taken_bytes = self._granted_bytes = self._told_bytes = 0
+        self._taken_bytes = self._granted_bytes = self._acknowledged_bytes = 0
         self._credit_step = 1
         self._max_radius_m = math.inf
         self._base_faces = self._segment_count = 0
@@ -172,7 +172,7 @@ class SessionCore:
 
     # ---- output
 
-    def events(self) -> list[told.Event]:
+    def events(self) -> list[core_events.Event]:
         """Return, once, what has happened since the last call."""
         events = self._events[:]
         self._events.clear()
@@ -181,24 +181,24 @@ class SessionCore:
     def data_to_send(self) -> list[bytes]:
         """Return, once, the WebSocket messages to send, in order.
 
-        A landing is put into words here, by what is held now: however often the user lands before
-        the shell can send, one ``land`` leaves.
+        The ``land`` message is built here, from what is held now: however often the user lands
+        before the shell can send, only one ``land`` is sent.
         """
         messages = self._outbox[:]
         self._outbox.clear()
         landing = self._open[-1] if self._open else None
         is_leaving = any(isinstance(message, wire.Bye) for message in messages)
         if landing is not None and landing.sent is None and self.is_open and not is_leaving:
-            messages.append(self._worded(landing))
-            self._leaving = landing.number
+            messages.append(self._land_message(landing))
+            self._departing = landing.number
         return [wire.encode(message) for message in messages]
 
     def sent(self) -> bool:
-        """Note that what :meth:`data_to_send` gave is on its way; whether that is an event."""
-        if self._leaving is None:
+        """Record that :meth:`data_to_send` was carried out; return whether that is an event."""
+        if self._departing is None:
             return False
-        self._events.append(told.LandingSent(self._leaving))
-        self._leaving = None
+        self._events.append(core_events.LandingSent(self._departing))
+        self._departing = None
         return True
 
     # ---- connection
@@ -207,18 +207,18 @@ class SessionCore:
         """Open a connection: the first message is ``hello``."""
         self._outbox.clear()
         self.is_open, self._greeting = False, True
-        self._generation = self._taken_bytes = self._told_bytes = 0
+        self._generation = self._taken_bytes = self._acknowledged_bytes = 0
         self._granted_bytes = self.options.credit_bytes
         self._outbox.append(self.options.hello())
 
     def connection_lost(self) -> None:
-        """Note that the connection is gone, with the part of a segment that had come.
+        """Record that the connection was lost; a partly received segment is discarded.
 
         The newest open landing, picks and the seat in a group wait for the next connection.
         """
         self.is_open = self._greeting = False
         self._outbox.clear()
-        self._leaving = self._part = None
+        self._departing = self._part = None
         self._end_before_newest()
         for landing in self._open:
             self._ask_again(landing)
@@ -256,7 +256,7 @@ class SessionCore:
         inner_radius_m: float | None = None,
         coarse_radius_m: float | None = None,
     ) -> int:
-        """Ask for a landing; it takes the place of every one before that is not shown.
+        """Request a landing; it replaces all earlier ones that are not shown yet.
 
         Returns
         -------
@@ -283,16 +283,16 @@ class SessionCore:
         landing = _Landing(self._landings, wanted)
         self._aim = None
         if self._open and self._open[-1].sent is None:
-            self._events.append(told.Superseded(self._open.pop().number, landing.number))
+            self._events.append(core_events.Superseded(self._open.pop().number, landing.number))
         self._open.append(landing)
         return landing.number
 
     def hurry(self, landing: int) -> None:
-        """Note that a landing's inner set is good enough from now on."""
+        """Accept the inner set of a landing from now on."""
         for one in self._open:
             if one.number == landing:
                 one.is_urgent = True
-        self._look()
+        self._update()
 
     def aim(
         self, position: Sequence[float], radius_m: float, coarse_radius_m: float | None = None
@@ -323,7 +323,7 @@ class SessionCore:
             self._outbox.append(p2.Prefetch(**_fields(aim) | self._held_near(aim)))
 
     def pick(self, origin: Sequence[float], direction: Sequence[float] | None = None) -> int:
-        """Ask what lies along a ray; return the request's number in the events.
+        """Pick along a ray; return the request's number in the events.
 
         Raises
         ------
@@ -343,14 +343,14 @@ class SessionCore:
         self._picks.pop(request, None)
 
     def bye(self) -> None:
-        """Say ``bye``, where there is a connection: the server then closes at once."""
+        """Send ``bye`` if the connection is open; the server then closes it."""
         if self.is_open:
             self._outbox.append(wire.Bye())
 
-    # ---- news from the disk cache
+    # ---- disk cache
 
     def disk_changed(self, stored: CachedSegment | None, removed: Iterable[int]) -> None:
-        """Note that the disk has a segment now, and what it deleted to make room."""
+        """Record a segment written to disk, and those deleted to make room."""
         if stored is not None:
             self._disk[stored.key] = stored.box
         for key in removed:
@@ -366,15 +366,15 @@ class SessionCore:
         self._arrived(entry, restored=True)
 
     def lost(self, key: int) -> None:
-        """Note that the disk cannot give a segment: the landing is sent again."""
+        """Record that a segment cannot be read from disk; the landing is sent again."""
         self._disk.pop(key, None)
         number = None
         for landing in self._open:
             if key in landing.restoring:
                 landing.restoring.discard(key)
                 number = landing.number
-        self._events.append(told.SegmentRejected(number, key, on_disk=True))
-        self._look()
+        self._events.append(core_events.SegmentRejected(number, key, on_disk=True))
+        self._update()
 
     # ---- messages
 
@@ -394,10 +394,10 @@ class SessionCore:
                 if message.missing is not None:
                     landing.waiting.difference_update(message.missing.tolist())
                     landing.hidden = self._bits(message.hidden)
-                self._look()
+                self._update()
         elif isinstance(message, wire.Picked):
             if self._picks.pop(message.request, None) is not None:
-                self._events.append(told.PickAnswered(message.request, message.hit))
+                self._events.append(core_events.PickAnswered(message.request, message.hit))
         elif isinstance(message, wire.Notice):
             self._events.append(message)
         else:
@@ -409,15 +409,17 @@ class SessionCore:
         self.is_open, self._greeting = True, False
         changed = self.version is not None and self.version != welcome.scene.version
         self.version = welcome.scene.version
-        if changed:  # segments of the version before stand in places of their own
-            self.shown, self.shown_keys = told.Shown(0, (), (), b""), frozenset()
+        if changed:  # segments of the previous version do not belong to this scene
+            self.shown, self.shown_keys = core_events.Shown(0, (), (), b""), frozenset()
         # Granted in halves: the server never runs dry while a grant is on its way (6).
         credit = min(self.options.credit_bytes, welcome.limits.max_credit_bytes)
         self._credit_step = max(1, credit // 2)
         self._base_faces = welcome.scene.base_faces
         self._segment_count = welcome.scene.segment_count
         self._max_radius_m = welcome.limits.max_radius_m
-        self._events.append(told.Opened(welcome.scene, welcome.limits, welcome.session, changed))
+        self._events.append(
+            core_events.Opened(welcome.scene, welcome.limits, welcome.session, changed)
+        )
         self._outbox.extend(self._picks.values())
         self.seat.connected(welcome.limits.groups)
 
@@ -425,7 +427,7 @@ class SessionCore:
         # A request's own answer: nothing else was refused, unless the connection ends with it.
         is_answer = self.seat.refused(error)
         if error.request is not None and self._picks.pop(error.request, None) is not None:
-            self._events.append(told.PickRefused(error.request, error.code, error.message))
+            self._events.append(core_events.PickRefused(error.request, error.code, error.message))
             is_answer = True
         if is_answer and not error.fatal:
             return
@@ -435,8 +437,8 @@ class SessionCore:
                 number = landing.number
                 self._open.remove(landing)
                 break
-        self._events.append(told.Refused(error.code, error.message, error.fatal, number))
-        self._look()  # an older landing goes on (4, rule 7)
+        self._events.append(core_events.Refused(error.code, error.message, error.fatal, number))
+        self._update()  # an older landing continues (4, rule 7)
 
     def _on_plan(self, plan: p2.Plan) -> None:
         landing = self._landing_of(plan)
@@ -449,7 +451,7 @@ class SessionCore:
             show["id"][coarser] += self._segment_count  # one id a payload, as users have it
             plan = replace(plan, show=show)
         while self._open[0] is not landing:
-            self._events.append(told.Superseded(self._open.pop(0).number, landing.number))
+            self._events.append(core_events.Superseded(self._open.pop(0).number, landing.number))
         landing.plan, landing.ready, landing.hidden = plan, None, self._bits(plan.hidden)
         here, restore = [], []
         landing.waiting = set()
@@ -462,12 +464,14 @@ class SessionCore:
                 if key in self._disk:
                     restore.append(key)
         landing.restoring = set(restore)
-        came = frozenset(entry.key for entry in here if entry.key in landing.came)
-        self._events.append(told.Planned(landing.number, landing.sent, plan, tuple(here), came))
+        came = frozenset(entry.key for entry in here if entry.key in landing.streamed)
+        self._events.append(
+            core_events.Planned(landing.number, landing.sent, plan, tuple(here), came)
+        )
         if restore:
-            self._events.append(told.RestoreNeeded(tuple(restore)))
+            self._events.append(core_events.RestoreNeeded(tuple(restore)))
         self._trim()
-        self._look()
+        self._update()
 
     def _landing_of(self, message: p2.Plan | p2.Ready) -> _Landing | None:
         """Return the landing that a message is about; None for one that is over."""
@@ -490,7 +494,7 @@ class SessionCore:
         landing = self._open[-1] if self._open else None
         if landing is not None and landing.plan is not None and not landing.has_begun:
             landing.has_begun = True
-            self._events.append(told.PayloadBegan(landing.number))
+            self._events.append(core_events.PayloadBegan(landing.number))
         if frame.offset == 0:
             self._part = (frame.key, frame.total, bytearray())
         part = self._part
@@ -506,7 +510,7 @@ class SessionCore:
         entry = _checked_entry(frame.key, bytes(part[2]))
         if entry is None:  # asked for again when everything else has come
             number = landing.number if landing and frame.key in landing.waiting else None
-            self._events.append(told.SegmentRejected(number, frame.key))
+            self._events.append(core_events.SegmentRejected(number, frame.key))
             return
         if frame.key in self._cache:
             self.repeated_bytes += frame.total
@@ -514,22 +518,22 @@ class SessionCore:
         self._arrived(entry, restored=False)
 
     def _arrived(self, entry: CachedSegment, *, restored: bool) -> None:
-        """Give a segment that is in memory now to the landings that wait for it."""
+        """Record a segment that is now in memory with the landings that wait for it."""
         number = None
         for landing in self._open:
             if not restored:
-                landing.came.add(entry.key)
+                landing.streamed.add(entry.key)
             if landing.plan is None:
-                landing.named.add(entry.key)
+                landing.protected.add(entry.key)
             elif entry.key in landing.waiting:
                 landing.waiting.discard(entry.key)
                 landing.restoring.discard(entry.key)
                 number = landing.number
         if not (restored or self._open):
             self.prefetched_bytes += len(entry.payload)
-        self._events.append(told.SegmentArrived(number, entry, restored))
+        self._events.append(core_events.SegmentArrived(number, entry, restored))
         self._trim()
-        self._look()
+        self._update()
 
     def _take_credit(self, taken_bytes: int) -> None:
         self._taken_bytes += taken_bytes
@@ -537,12 +541,12 @@ class SessionCore:
             raise ProtocolViolationError(
                 f"got {self._taken_bytes} bytes of payload, expected at most {self._granted_bytes}"
             )
-        granted = self._taken_bytes - self._told_bytes
+        granted = self._taken_bytes - self._acknowledged_bytes
         if granted < self._credit_step:
             return
-        self._told_bytes = self._taken_bytes
+        self._acknowledged_bytes = self._taken_bytes
         self._granted_bytes += granted
-        # One that was not sent yet grows: what waits must not grow with what comes.
+        # A grant that waits to be sent is enlarged, so that the outbox stays bounded.
         for at, message in enumerate(self._outbox):
             if isinstance(message, wire.Credit):
                 self._outbox[at] = wire.Credit(bytes=message.bytes + granted)
@@ -551,8 +555,8 @@ class SessionCore:
 
     # ---- landings
 
-    def _look(self) -> None:
-        """Show the newest landing if it is whole; ask again for what should have come."""
+    def _update(self) -> None:
+        """Show the newest landing if it is complete; request missing segments again."""
         landing = self._open[-1] if self._open else None
         if landing is None or landing.plan is None:
             return
@@ -564,7 +568,7 @@ class SessionCore:
             }
             self._open.clear()
             ids, lost_ids = _ids(rows), tuple(sorted(missing))
-            self.shown = told.Shown(landing.number, ids, lost_ids, landing.hidden)
+            self.shown = core_events.Shown(landing.number, ids, lost_ids, landing.hidden)
             self.shown_keys = frozenset(rows["key"].tolist())
             self._events.append(self.shown)
             self._trim()
@@ -583,26 +587,26 @@ class SessionCore:
             if not landing.waiting.intersection(rows["key"].tolist()):
                 landing.is_urgent = False
                 hidden = self._bits(plan.inner_hidden)
-                self._events.append(told.InnerWhole(landing.number, _ids(rows), hidden))
+                self._events.append(core_events.InnerWhole(landing.number, _ids(rows), hidden))
 
     def _ask_again(self, landing: _Landing) -> None:
-        """Let a landing wait to be sent; what it has of its plan stays in memory."""
-        landing.named = set(landing.needs)
+        """Send a landing again; the segments that it has stay in memory."""
+        landing.protected = set(landing.needs)
         landing.sent = landing.plan = landing.ready = None
         landing.waiting, landing.restoring = set(), set()
 
-    def _worded(self, landing: _Landing) -> p2.Land:
-        """Return the message that asks for a landing, with what is held."""
+    def _land_message(self, landing: _Landing) -> p2.Land:
+        """Return the ``land`` message of a landing, with the keys that are held."""
         self._generation += 1
         held = self._held_near(landing.wanted)
-        landing.named = set(held["have"].tolist())
+        landing.protected = set(held["have"].tolist())
         if landing.given_up:
             held["without"] = np.array(sorted(landing.given_up), p2.KEY_DTYPE)
         landing.sent = p2.Land(**_fields(landing.wanted) | held)
         return landing.sent
 
     def _held_near(self, place: p2.Land | p2.Prefetch) -> dict[str, Any]:
-        """Return the fields that say what is held near a place, and where the connection stands."""
+        """Return the fields of a request that depend on the cache and the connection."""
         ring_m = place.coarse_radius_m
         if ring_m is not None:  # less coarse ground is better than no landing
             ring_m = max(place.radius_m, min(ring_m, self._max_radius_m))
@@ -631,7 +635,7 @@ class SessionCore:
 
     def _end_before_newest(self) -> None:
         for landing in self._open[:-1]:
-            self._events.append(told.Superseded(landing.number, self._open[-1].number))
+            self._events.append(core_events.Superseded(landing.number, self._open[-1].number))
         del self._open[:-1]
 
     def _trim(self) -> None:

@@ -1,18 +1,18 @@
-"""Segments and base meshes on disk, from one run to the next; and the tasks that read and write.
+"""Disk cache of segments and base meshes, and the tasks that read and write it.
 
 ::
 
     CACHE_DIR/<16 hex: the scene's URL>/<key: 16 hex>-<box: 48 hex>.segment    the payload
     CACHE_DIR/<16 hex: the scene's URL>/base-<what the manifest calls it>.gz   the base mesh
 
-A segment's file is named by its key and its box (six float32): what is here is known without
-opening a file. Payloads have their own checksums, and gzip has one. Files are written beside and
-renamed, so that another process never sees half of one. Nothing is fsynced: after a crash the
-checksums find what was lost, and the server has it all. The cache is a convenience: when the disk
-is full or read-only, it says so once in the log and is silent.
+A segment's file is named by its key and its box (six float32), so the
+contents are known without opening files. Payloads and gzip have checksums. Files are written under
+a temporary name and renamed, so other processes never see a partial file. Nothing is fsynced: after
+a crash the checksums find damaged files, and the server has all segments. When the disk is full or
+read-only, the cache logs it once and stops writing.
 
-Bounded in bytes over the whole directory; what was used longest ago goes first. Several processes
-may share a directory.
+Bounded in bytes over the whole directory; the least recently used files are deleted first. Several
+processes may share a directory.
 """
 
 from __future__ import annotations
@@ -43,12 +43,11 @@ DEFAULT_DISK_BYTES: Final = 4 << 30
 _BOX: Final = struct.Struct("<6f")
 _NAME: Final = re.compile(r"([0-9a-f]{16})-([0-9a-f]{48})\.segment")
 _ROOM: Final = 0.9
-"""When full, down to this part of the bound, so that not every write looks at the directory."""
+"""Share of the bound that is kept when the cache is full, so that not every write scans it."""
 _STALE_S: Final = 3600.0
-"""A temporary file older than this was left by a process that died."""
+"""Age in seconds after which a temporary file belongs to a process that died."""
 _MAX_PENDING_BYTES: Final = 64 << 20
-"""Payloads waiting to be written; what comes while that many wait is written if memory still holds
-it when its turn comes."""
+"""Maximum payload bytes queued for writing; later ones are written if memory still has them."""
 
 _log = logging.getLogger("terraport")
 
@@ -86,7 +85,7 @@ class DiskCache:
             raise UsageError(f"cache_dir {directory}: {error.strerror or error}") from error
 
     def catalogue(self) -> dict[int, Box]:
-        """Look at the directory; return boxes by key of what is there for this scene."""
+        """Scan the directory; return the boxes of this scene's segments by key."""
         self._bytes = 0
         found = {}
         for path, size, used_s in self._files():
@@ -101,7 +100,7 @@ class DiskCache:
         return found
 
     def get(self, key: int) -> bytes | None:
-        """Read one segment, whatever is in its file; None when it is not there (any more)."""
+        """Read one segment, unchecked; None if its file does not exist."""
         return _read(self._folder / self._names.get(key, "-"))
 
     def put(self, entry: CachedSegment, keep: Collection[int]) -> tuple[bool, list[int]]:
@@ -196,7 +195,7 @@ class DiskCache:
 
 
 class DiskWorker:
-    """Runs a disk cache beside the event loop: reads at once, writes one after the other.
+    """Run a disk cache in threads: reads at once, writes one after the other.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What can go wrong in the SDK, and whose fault it is.
+"""Exceptions of the SDK.
 
 ::
 
@@ -9,7 +9,7 @@
     ├── ConnectionFailedError                 no connection within the attempts allowed
     ├── ServerError                           the server refused, with a code of the protocol
     ├── ProtocolViolationError                the server sent what the protocol does not allow
-    ├── HttpError                             an HTTP request beside the stream failed
+    ├── HttpError                             an HTTP request failed
     ├── LandingError
     │   ├── LandingSupersededError            a newer landing took its place
     │   ├── LandingTimeoutError (also TimeoutError)
@@ -124,7 +124,7 @@ class ProtocolViolationError(TerraportError):
 
 @dataclass(eq=False)
 class HttpError(TerraportError):
-    """An HTTP request beside the stream failed."""
+    """An HTTP request failed."""
 
     url: str
     status: int
@@ -168,7 +168,7 @@ LandingSuperseded = LandingSupersededError
 
 @dataclass(eq=False)
 class LandingTimeoutError(LandingError, TimeoutError):
-    """``ready(timeout_s=...)`` ran out; the landing itself goes on."""
+    """``ready(timeout_s=...)`` ran out; the landing continues."""
 
     landing: int
     timeout_s: float

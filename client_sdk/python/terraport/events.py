@@ -1,4 +1,4 @@
-"""What the session core reports: values, in the order in which they happened.
+"""Events of the session core, in order.
 
 PURE: no I/O, no clock.
 """
@@ -90,7 +90,7 @@ class RestoreNeeded:
 
 @dataclass(frozen=True, slots=True)
 class InnerWhole:
-    """The user's patience is over and the inner set is whole; the landing goes on."""
+    """The deadline has passed and the inner set is complete; the landing continues."""
 
     landing: int
     ids: tuple[int, ...]

@@ -1,4 +1,4 @@
-"""A group as its members see it: who is in it, and where its guide lands it.
+"""Groups: members, and landings that their guide starts.
 
 Made by :meth:`terraport.Session.join_group`. Everything here runs on the session's event loop.
 """
@@ -28,7 +28,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Arrivals:
-    """Who has arrived when a barrier opened; members by number."""
+    """Members that had arrived when a barrier opened, by number."""
 
     ready: tuple[int, ...]
     degraded: tuple[int, ...]
@@ -157,10 +157,10 @@ class GroupLandingFacts:
 
 
 class GroupLanding(GroupLandingFacts):
-    """One landing of the whole group, as this member is told of it.
+    """One landing of the whole group.
 
-    Nobody moves by itself: :meth:`land` does, or any landing of the caller's own followed by
-    :meth:`arrived`; and who will not come says :meth:`decline`, so that the others need not wait.
+    It does not move this member: call :meth:`land`, or land in another way and then call
+    :meth:`arrived`. Call :meth:`decline` to stay away, so that the others need not wait.
     """
 
     def __init__(self, record: GroupRecord, gathering: Gathering) -> None:

@@ -1,4 +1,4 @@
-"""What a client asks over HTTP beside the stream: the manifest, the base mesh, regions and labels.
+"""HTTP requests of a client: manifest, base mesh, regions and labels.
 
 Everything is asked for by version, so nothing that comes back ever changes: what the disk cache has
 of a version is used without asking.

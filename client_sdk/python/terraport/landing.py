@@ -1,4 +1,4 @@
-"""A landing and its segments as their user sees them, and the record that the session fills."""
+"""Landings and segments: what users hold, and the state that the session fills."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Segment:
         return self.entry.box
 
     def arrays(self) -> SegmentMesh:
-        """Decode to NumPy arrays; every call decodes anew (about 2 ms for 10 k faces).
+        """Decode to NumPy arrays; every call decodes again (about 2 ms for 10 k faces).
 
         Raises
         ------
@@ -456,7 +456,7 @@ class Landing(LandingFacts):
             The server could not deliver some segments whole; the others are in :attr:`segments`,
             and over the missing ones the base mesh stays, so nothing is open.
         LandingTimeoutError
-            `timeout_s` ran out; the landing goes on, and may be awaited again.
+            `timeout_s` ran out; the landing continues, and may be awaited again.
         ServerError
             The server refused it.
         SessionClosedError

@@ -1,4 +1,4 @@
-"""The connection of a session: opened, kept, lost, opened again.
+"""Connection of a session, with reconnecting.
 
 Everything here runs on one event loop; the state is :class:`terraport.core.SessionCore`'s.
 """
@@ -126,13 +126,13 @@ class Link:
         self._wake.set()
 
     def leave(self) -> None:
-        """Say goodbye and do not connect again."""
+        """Send ``bye`` and do not reconnect."""
         self._leaving = True
         self._core.bye()
         self.pump()
 
     def reroute(self, group: str) -> None:
-        """Connect anew, at once, by a URL that names a group."""
+        """Reconnect immediately, by a URL that names a group."""
         self.group = group
         self._rerouting = True
         if self._websocket is not None:
@@ -188,7 +188,7 @@ class Link:
             await asyncio.sleep(pause_s)
 
     def _has_newer_token(self, lost: _Lost) -> bool:
-        """Whether the token was refused, expired for example, and there is another one by now.
+        """Return whether the token was refused and the token function now returns another one.
 
         Only after a first welcome: a service that never knew the token needs no second attempt.
         """
@@ -203,7 +203,7 @@ class Link:
         return wait_s(self._attempt, random.random)
 
     async def _converse(self) -> _Lost:
-        """Live through one connection."""
+        """Run one connection."""
         self._refusal = None
         core, timeouts = self._core, self._timeouts
         try:
@@ -253,7 +253,7 @@ class Link:
             return _Lost(str(error), temporary=False, error=error)
 
     async def _write(self, websocket: ClientConnection) -> None:
-        """Send what the session has to say, within the server's message rate."""
+        """Send the session's messages within the server's message rate."""
         try:
             while True:
                 await self._wake_or_aim()

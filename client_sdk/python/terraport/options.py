@@ -1,4 +1,4 @@
-"""What the caller says, checked before anything is sent; and how long a session waits for what.
+"""Options of a session, checked before anything is sent, and timeouts.
 
 PURE: no I/O, no clock.
 """

@@ -1,4 +1,4 @@
-"""Places that a scene does not reach: where the scene is, what to say, and of which line to say it.
+"""Warnings about landings outside the scene.
 
 PURE: no I/O, no clock.
 """

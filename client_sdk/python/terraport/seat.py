@@ -1,4 +1,4 @@
-"""The client's half of groups: the seat, what is known of the group, and what was said of it.
+"""Group membership of a client: its seat, the group's state, and open requests.
 
 PURE: no I/O, no clock. ``spec/wire-protocol.md``, section 16.
 """
@@ -27,7 +27,7 @@ from terraport_wire import (
 __all__ = ["Seat"]
 
 _MOST_GATHERS: Final = 16
-"""Gathers that wait for an answer; beyond it the oldest is refused here."""
+"""Maximum unanswered gathers; then the oldest is refused by the client."""
 
 
 class Seat:

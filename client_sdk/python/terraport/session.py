@@ -27,7 +27,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final
 
-from terraport import events as told
+from terraport import events as core_events
 from terraport.address import Access, SceneUrl, Token
 from terraport.base import BaseMesh
 from terraport.cache import SegmentCache
@@ -62,7 +62,7 @@ DEFAULT_CACHE_BYTES: Final = 512 << 20
 
 @dataclass(frozen=True, slots=True)
 class SessionStats:
-    """What a session has done so far."""
+    """Counters of a session."""
 
     connections: int
     received_bytes: int
@@ -104,7 +104,7 @@ class Session:
         self._link = Link(core, url.stream, access, timeouts, self._take, prepare=self._read_scales)
         self._link.group = group
         self._worker = None if disk is None else DiskWorker(disk, core, self._link.pump)
-        self._opened: told.Opened | None = None
+        self._opened: core_events.Opened | None = None
         """The newest connection's welcome."""
         self._welcome: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._failure: TerraportError | None = None
@@ -291,7 +291,7 @@ class Session:
         UsageError
             A number that the protocol does not allow, such as a radius that is not above 0.
         ServerError
-            The server refuses this landing; an older one that is not ready goes on.
+            The server refuses this landing; an older one that is not ready continues.
         LandingSupersededError
             Another task has landed meanwhile.
         LandingTimeoutError
@@ -341,7 +341,7 @@ class Session:
     async def _hurry(
         self, record: LandingRecord, deadline_s: float | None, stall_s: float | None
     ) -> None:
-        """Wait until the user's patience is over, or the landing is; then the inner set will do."""
+        """Wait for the deadline, or the end of the landing; then accept the inner set."""
         while not record.is_over:
             ends_s = [] if deadline_s is None else [record.started_s + deadline_s]
             if stall_s is not None:
@@ -360,7 +360,7 @@ class Session:
         *,
         coarse_radius_m: float | None = None,
     ) -> None:
-        """Tell where the user points, so that a landing there finds its segments held.
+        """Prefetch the segments of a place that the user points at.
 
         Returns at once; may be called for every frame: at most ten a second are sent, the newest
         always. It never disturbs a landing.
@@ -383,7 +383,7 @@ class Session:
         *,
         timeout_s: float | None = None,
     ) -> Hit | None:
-        """Ask what full detail has along a ray, whether its segments are loaded or not.
+        """Pick along a ray at full detail, whether its segments are loaded or not.
 
         Parameters
         ----------
@@ -500,34 +500,34 @@ class Session:
 
     # ---- events
 
-    def _take(self, event: told.Event) -> None:
-        """Carry out one event of the core, whole: who waits never sees half of it."""
-        if isinstance(event, told.SegmentArrived):
+    def _take(self, event: core_events.Event) -> None:
+        """Handle one event of the core completely, so that waiters never see a partial update."""
+        if isinstance(event, core_events.SegmentArrived):
             self._arrived(event)
-        elif isinstance(event, told.Opened):
+        elif isinstance(event, core_events.Opened):
             self._opened = event
             if not self._welcome.done():  # only the first welcome is waited for
                 self._welcome.set_result(None)
-        elif isinstance(event, told.SegmentRejected):
+        elif isinstance(event, core_events.SegmentRejected):
             self._rejected += 1
             if event.landing in self._landings:
                 self._landings[event.landing].rejected += 1
             if event.on_disk and self._worker is not None:
                 self._worker.remove(event.key)
-        elif isinstance(event, told.RestoreNeeded):
+        elif isinstance(event, core_events.RestoreNeeded):
             assert self._worker is not None  # only its catalogue knows such segments
             self._worker.restore(event.keys)
-        elif isinstance(event, told.PickAnswered | told.PickRefused):
+        elif isinstance(event, core_events.PickAnswered | core_events.PickRefused):
             answer = self._picks.get(event.request)
             if answer is not None and not answer.done():
-                if isinstance(event, told.PickAnswered):
+                if isinstance(event, core_events.PickAnswered):
                     answer.set_result(event.hit)
                 else:
                     answer.set_exception(ServerError(event.code, event.message))
         elif isinstance(event, Notice):
             if event.kind == "scene_published":
                 self._newest_version = event.version
-        elif isinstance(event, told.GroupEvent):
+        elif isinstance(event, core_events.GroupEvent):
             if self._group is not None:
                 self._group.take(event)
         else:
@@ -535,32 +535,32 @@ class Session:
 
     def _landing_changed(
         self,
-        event: told.LandingEvent,
+        event: core_events.LandingEvent,
     ) -> None:
         record = None if event.landing is None else self._landings.get(event.landing)
         if record is None:
             return
-        if isinstance(event, told.Planned):
+        if isinstance(event, core_events.Planned):
             record.trace.server_session = self._welcomed.session
             record.planned(event, self._scales, self.scene.base_faces)
-        elif isinstance(event, told.LandingSent):
+        elif isinstance(event, core_events.LandingSent):
             record.trace.sent_s = time.monotonic()
-        elif isinstance(event, told.PayloadBegan):
+        elif isinstance(event, core_events.PayloadBegan):
             record.trace.first_byte_s = time.monotonic()
-        elif isinstance(event, told.InnerWhole):
+        elif isinstance(event, core_events.InnerWhole):
             record.inner, record.trace.degraded_s = event, time.monotonic()
             record.changes.changed()
-        elif isinstance(event, told.Shown):
+        elif isinstance(event, core_events.Shown):
             record.shown, record.trace.ready_s = event, time.monotonic()
             record.changes.changed()
-        elif isinstance(event, told.Superseded):
+        elif isinstance(event, core_events.Superseded):
             record.fail(LandingSupersededError(event.landing, event.by))
         else:
             record.fail(ServerError(event.code, event.message))
         if record.is_over:
             del self._landings[record.number]
 
-    def _arrived(self, event: told.SegmentArrived) -> None:
+    def _arrived(self, event: core_events.SegmentArrived) -> None:
         entry = event.entry
         if not event.restored:
             self._payload_bytes += len(entry.payload)
@@ -599,7 +599,7 @@ class Session:
         await self._welcome
 
     @property
-    def _welcomed(self) -> told.Opened:
+    def _welcomed(self) -> core_events.Opened:
         assert self._opened is not None  # connect() waits for it
         return self._opened
 
@@ -707,7 +707,7 @@ def connect(
         Likewise, of what a landing takes on a GPU, MiB: what a device that shows it has left for
         one landing.
     cache_bytes : int
-        Payload bytes kept in memory beside what is visible or on its way.
+        Maximum payload bytes in memory, in addition to what is visible or being received.
     cache_dir : Path, optional
         Keep segments and base meshes there too, from one run to the next. None: memory alone.
     disk_bytes : int

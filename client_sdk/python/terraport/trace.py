@@ -1,4 +1,4 @@
-"""What happened when in a landing, as a file that people can open. Times are the client's own.
+"""Traces of landings, as a file that people can open. Times are the client's own.
 
 Format: Chrome's trace events, which https://ui.perfetto.dev and ``chrome://tracing`` show.
 """

@@ -30,7 +30,7 @@ from terraport_server.service import Service
 from terraport_store import OriginError, StoreError
 from terraport_store.layout import ENCODING
 
-__all__ = ["find_pack", "pack_routes", "payload_routes", "segment_faults", "segment_number"]
+__all__ = ["pack_routes", "payload_routes", "segment_faults", "segment_number"]
 
 payload_routes = APIRouter()
 pack_routes = APIRouter()
@@ -65,7 +65,7 @@ async def get_pack(
     request: Request, service: ServiceOfRequest, scene_id: str, folder: str, name: str
 ) -> Response:
     """Return a pack by its path in the scene's folder, or one byte range of it."""
-    served, headers = find_pack(request, service, scene_id, f"{folder}/{name}")
+    served, headers = _find_pack(request, service, scene_id, f"{folder}/{name}")
     if is_unchanged(request, headers["ETag"]):
         return Response(None, 304, headers)
     try:
@@ -85,11 +85,11 @@ async def check_access(request: Request, service: ServiceOfRequest) -> Response:
     path = _PACK_PATH.fullmatch(request.headers.get("x-forwarded-uri", ""))
     if path is None:
         raise RequestError(404, "not_found", "got an address that is not a pack's")
-    _, headers = find_pack(request, service, *map(unquote, path.groups()))
+    _, headers = _find_pack(request, service, *map(unquote, path.groups()))
     return Response(None, 204, headers)
 
 
-def find_pack(
+def _find_pack(
     request: Request, service: Service, scene_id: str, path: str
 ) -> tuple[ServedScene, dict[str, str]]:
     """Return the version that has a pack, and the caching headers, where the request may see it."""

@@ -14,9 +14,13 @@ import numpy as np
 from fastapi import APIRouter, Query, Request, Response
 
 from terraport_server.client_key import client_key
-from terraport_server.errors import RequestError, UnknownSceneError
-from terraport_server.http.payloads import find_pack
-from terraport_server.http.responses import ServiceOfRequest, is_unchanged
+from terraport_server.errors import AccessError, RequestError, UnknownSceneError
+from terraport_server.http.responses import (
+    ServiceOfRequest,
+    caching_headers,
+    is_unchanged,
+    token_of,
+)
 from terraport_server.session.interface import SceneView
 from terraport_server.session.plan_2 import budgets_of, choose, plan_of
 from terraport_wire import Budgets, ErrorCode, InvalidMessageError, encode
@@ -52,8 +56,12 @@ async def get_plan(
     without: str = "",
 ) -> Response:
     """Return a plan as msgpack; ``without`` are keys of segments in hexadecimal digits."""
-    served, headers = find_pack(request, service, scene_id, f"{folder}/segments.pack")
-    headers = {**headers, "ETag": f'"{served.version}"'}
+    code = service.gate.check(token_of(request), scene_id)
+    if code is not None:
+        raise AccessError(code)
+    served = service.registry.find_pack(scene_id, f"{folder}/segments.pack")
+    is_open = service.gate.is_open
+    headers = caching_headers(f'"{served.version}"', served.version, is_open=is_open)
     if is_unchanged(request, headers["ETag"]):
         return Response(None, 304, headers)
     if without and not _KEYS.fullmatch(without):
@@ -84,7 +92,7 @@ async def get_plan(
     if max(radius_m, coarse_radius_m or 0.0) > limits.max_radius_m:
         text = f"got a radius beyond {limits.max_radius_m:g}, expected at most that"
         raise RequestError(400, ErrorCode.RADIUS_TOO_LARGE, text)
-    if served.view.pull is None:  # a pack beyond 256 GiB
+    if served.view.pull is None:  # in object storage, and no setting says where clients find it
         raise UnknownSceneError(scene_id, served.version)
     planned: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
 
@@ -104,6 +112,8 @@ async def get_plan(
 def _plan(scene: SceneView, land: Land, budgets: Budgets, max_segments: int) -> bytes:
     """Return the plan message, of which every row follows."""
     assert scene.pull is not None
+    base, path = scene.pull.info.base, scene.pull.info.pack
+    pack = base + path if "://" in base else path.rpartition("/")[2]
     ball = choose(
         scene,
         land.position,
@@ -119,6 +129,6 @@ def _plan(scene: SceneView, land: Land, budgets: Budgets, max_segments: int) -> 
             0,
             inner_radius_m=land.inner_radius_m,
             offsets=scene.pull.offsets,
-            pack=scene.pull.info.pack.rpartition("/")[2],
+            pack=pack,
         )
     )

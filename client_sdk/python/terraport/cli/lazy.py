@@ -58,7 +58,7 @@ VERBS: Final = (
     Verb("mv", "terraport_pipeline.cli.mv", "pipeline",
          "Rename or move a scene with all that belongs to it."),
     Verb("rm", "terraport_pipeline.cli.rm", "pipeline",
-         "Remove scenes, or only what their builds keep beside them."),
+         "Remove scenes, or only the working files of their builds."),
     Verb("diff", "terraport_pipeline.cli.diff", "pipeline",
          "Compare two scenes or versions: segments, bytes to load, regions, heights."),
     Verb("upload", "terraport_pipeline.cli.upload", "pipeline",
