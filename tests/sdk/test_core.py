@@ -124,6 +124,42 @@ def test_any_history_ends_with_what_the_last_landing_shows(seed: int) -> None:
         assert len(pair.received) == received
 
 
+def test_what_a_landing_lists_as_held_stays_until_its_plan() -> None:
+    """Payload that arrives between ``land`` and ``plan`` evicts none of it (4, rule 4)."""
+    scene = ToyScene(1)
+    places = [tuple(scene.table.bounds[row, :3].tolist()) for row in range(COUNT)]
+    keys = [scene.expected(place, 12.0)[0] for place in places]
+    lengths = dict(zip(scene.table.hashes.tolist(), scene.table.lengths.tolist(), strict=True))
+    home, away, ahead = next(
+        (a, b, c)
+        for a in range(COUNT)
+        for b in range(COUNT)
+        for c in range(COUNT)
+        if not (keys[a] & keys[b] or keys[a] & keys[c] or keys[b] & keys[c])
+    )
+    cache_bytes = sum(lengths[key] for key in keys[home] | keys[away])
+    pair = Pair(scene, cache_bytes=cache_bytes)
+    pair.connect()
+    for place in (home, away):
+        pair.core.land(places[place], 12.0)
+        pair.settle()
+    pair.core.aim(places[ahead], 12.0)
+    pair.core.flush_aim()
+    pair.speak()
+    while pair.serve():
+        pass
+    pair.core.land(places[home], 12.0)
+    pair.speak()
+    assert set(lands(pair)[-1].have.tolist()) >= keys[home]
+    while pair.hear():  # the payload of the aim fills the memory
+        pass
+    assert len(pair.received) == sum(len(keys[place]) for place in (home, away, ahead))
+    pair.settle()
+    check_shown(pair, {"position": places[home], "radius_m": 12.0})
+    assert len(lands(pair)) == 3
+    assert len(pair.received) == len(set(pair.received))
+
+
 def test_a_landing_from_the_welcome_to_the_swap(pair: Pair) -> None:
     (opened,) = pair.of(Opened)
     assert (opened.scene.segment_count, opened.version_changed) == (COUNT, False)
