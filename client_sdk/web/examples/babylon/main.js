@@ -10,7 +10,7 @@ import { Vector3 } from "@babylonjs/core/Maths/math.vector.js";
 import { Mesh } from "@babylonjs/core/Meshes/mesh.js";
 import { VertexData } from "@babylonjs/core/Meshes/mesh.vertexData.js";
 import { Scene } from "@babylonjs/core/scene.js";
-import { CoverCounters, loadSceneInWorker, openStream, passOn, Residency } from "@terraport/client/core";
+import { hiddenFaces, loadSceneInWorker, openStream, passOn, Residency } from "@terraport/client/core";
 
 const sceneUrl = new URLSearchParams(location.search).get("scene") ?? "http://127.0.0.1:8080/scenes/sample";
 const canvas = document.querySelector("#view");
@@ -59,7 +59,6 @@ function meshOf(data, name) {
 const { manifest, base, cover } = await loadSceneInWorker(sceneUrl);
 const ground = meshOf(base, "base");
 ground.setEnabled(true);
-const hidden = new CoverCounters(cover);
 const drawn = new Map();
 const residency = new Residency({ maxInFlight: 8, maxInFlightBytes: 1 << 26, spareBytes: 1 << 27 });
 const stream = openStream({ sceneUrl, budgets: { maxTriangles: 2_000_000 }, cacheBytes: 1 << 27 });
@@ -81,8 +80,9 @@ function put(segment, epoch, data) {
 function swap({ shown, hidden: gone, visible }) {
   for (const segment of shown) drawn.get(segment).setEnabled(true);
   for (const segment of gone) drawn.get(segment).setEnabled(false);
-  hidden.show(visible);
-  ground.setIndices(base.indices.filter((_, at) => hidden.hidden[Math.floor(at / 3)] === 0));
+  const under = hiddenFaces(cover, new Set(visible));
+  const isHidden = (face) => (under[face >> 3] >> (face & 7)) & 1;
+  ground.setIndices(base.indices.filter((_, at) => !isHidden(Math.floor(at / 3))));
 }
 
 engine.runRenderLoop(() => {

@@ -2,7 +2,7 @@
  * `@terraport/client/core`: scenes, streams and decoded segments, for any renderer. No three.js, no DOM.
  *
  * A landing is asked of a {@link Stream}; {@link Residency}, to which {@link passOn} passes the stream's events, says which
- * segments an engine is to upload, show and free, and {@link CoverCounters} which faces of the base to hide under them. A
+ * segments an engine is to upload, show and free, and {@link hiddenFaces} which faces of the base to hide under them. A
  * segment is decoded by `stream.mesh(segment, manifest.attributes)`.
  */
 
@@ -10,7 +10,7 @@ export { budgetsFor, type DeviceBudgets, type DeviceClass } from "./budgets.ts";
 export { type DirectParts, openDirectStream } from "./client/direct-stream.ts";
 export { type LoadSceneOptions, loadSceneInWorker } from "./client/load-scene.ts";
 export { openStream } from "./client/open-stream.ts";
-export { CoverCounters } from "./cover.ts";
+export { hiddenFaces } from "./cover.ts";
 export { type GpuShares, sharesOf } from "./gpu-budget.ts";
 export type * from "./group-types.ts";
 export { Residency } from "./residency.ts";

@@ -9,6 +9,7 @@
  */
 
 import type { MeshData, Vec3 } from "../core/types.ts";
+import { hasFace } from "./face-set.ts";
 
 /** Where a ray meets a face. */
 export interface FaceHit {
@@ -50,10 +51,10 @@ export class FaceBoxes {
   }
 
   /**
-   * The nearest face along the ray with `t` in [0, maxT], seen from either side; among equals the lowest number. Faces that
-   * `isHidden` names are not there.
+   * The nearest face along the ray with `t` in [0, maxT], seen from either side; among equals the lowest number. Faces in
+   * `hidden`, a bit set, are left out.
    */
-  cast(origin: Vec3, direction: Vec3, maxT: number, isHidden?: Uint8Array): FaceHit | null {
+  cast(origin: Vec3, direction: Vec3, maxT: number, hidden?: Uint8Array): FaceHit | null {
     const { translation, stepM } = this.#mesh;
     // Into the codes' units once, not every vertex into metres; `t` is the same in both.
     const ray: Ray = {
@@ -80,7 +81,7 @@ export class FaceBoxes {
         }
         const lastFace = Math.min((run + 1) * RUN_FACES, this.#mesh.faceCount);
         for (let face = run * RUN_FACES; face < lastFace; face += 1) {
-          if (isHidden?.[face] === 1) {
+          if (hidden !== undefined && hasFace(hidden, face)) {
             continue;
           }
           const t = this.#meetFace(ray, face);

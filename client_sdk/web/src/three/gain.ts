@@ -1,8 +1,9 @@
-/** What a landing has made sharper, in numbers. PURE. */
+/** What a landing adds to the base, in numbers. PURE. */
 
-import type { Cover, MeshData } from "../core/types.ts";
+import type { MeshData, Vec3 } from "../core/types.ts";
+import { hasFace } from "./face-set.ts";
 
-/** Full detail and the base that it stands for. */
+/** Full detail and the base that it replaces. */
 export interface Gain {
   readonly detailFaces: number;
   /** Faces of the base that are hidden under it. */
@@ -17,38 +18,34 @@ export function pointSpacingM(areaM2: number, faces: number): number {
 }
 
 /**
- * Faces of the base that are hidden under full detail alone: one byte each. What is hidden under the coarser level gained
- * less, and would be told as if it lay at one's feet.
+ * The gain of what is shown; null where no face of the base is hidden within the radius.
  *
- * @param isFull - whether a segment is shown at full detail.
+ * @param hidden - bit set of the base faces that are not drawn. Only those within `radiusM` of `centre` count: beyond it
+ *   the coarser level is shown.
+ * @param detailFaces - faces of the segments at full detail. Those at the rim extend beyond the hidden faces by part of a
+ *   segment: the gain of a small landing comes out a little too high.
  */
-export function underFullDetail(hidden: Uint8Array, cover: Cover, isFull: (segment: number) => boolean): Uint8Array {
-  const { offsets, segments } = cover;
-  return hidden.map((isHidden, face) =>
-    isHidden === 1 && segments.subarray(offsets[face]!, offsets[face + 1]!).every(isFull) ? 1 : 0,
-  );
-}
-
-/**
- * The gain of what is shown; null where nothing of the base is hidden.
- *
- * @param hidden - one byte per face of the base, 1 where it is hidden.
- * @param detailFaces - faces of the segments that are shown. Those at the rim reach beyond the hidden faces by part of a
- *   segment: the gain of a small landing is told a little too high.
- */
-export function gainOf(base: MeshData, hidden: Uint8Array, detailFaces: number): Gain | null {
-  const { positions, indices, stepM } = base;
+export function gainOf(
+  base: MeshData,
+  hidden: Uint8Array,
+  centre: Vec3,
+  radiusM: number,
+  detailFaces: number,
+): Gain | null {
+  const { positions, indices, stepM, translation } = base;
   const stride = positions instanceof Uint16Array ? 4 : 3;
-  const corner = (at: number, axis: number) => positions[indices[at]! * stride + axis]!;
+  const corner = (at: number, axis: number) => positions[indices[at]! * stride + axis]! * stepM + translation[axis]!;
   let baseFaces = 0;
   let doubled = 0;
-  for (let face = 0; face < hidden.length; face += 1) {
-    if (hidden[face] !== 1) continue;
+  for (let face = 0; face < base.faceCount; face += 1) {
+    if (!hasFace(hidden, face)) continue;
     const at = 3 * face;
-    const [ux, uy, uz] = [0, 1, 2].map((axis) => corner(at + 1, axis) - corner(at, axis)) as [number, number, number];
-    const [vx, vy, vz] = [0, 1, 2].map((axis) => corner(at + 2, axis) - corner(at, axis)) as [number, number, number];
+    const [x, y, z] = [0, 1, 2].map((axis) => corner(at, axis)) as [number, number, number];
+    if (Math.hypot(x - centre[0], y - centre[1], z - centre[2]) > radiusM) continue;
+    const [ux, uy, uz] = [corner(at + 1, 0) - x, corner(at + 1, 1) - y, corner(at + 1, 2) - z];
+    const [vx, vy, vz] = [corner(at + 2, 0) - x, corner(at + 2, 1) - y, corner(at + 2, 2) - z];
     doubled += Math.hypot(uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx);
     baseFaces += 1;
   }
-  return baseFaces === 0 ? null : { detailFaces, baseFaces, areaM2: (doubled / 2) * stepM * stepM };
+  return baseFaces === 0 ? null : { detailFaces, baseFaces, areaM2: doubled / 2 };
 }

@@ -16,7 +16,7 @@ export interface Pickable {
 export interface ShownGround {
   readonly segments: Iterable<Pickable>;
   readonly base: Pickable | null;
-  /** One byte per base face, 1 where it is hidden. */
+  /** Bit set of the base faces that are not drawn. */
   readonly hidden: Uint8Array | undefined;
   /** How far the base is drawn behind where it is. */
   readonly pushM: number;

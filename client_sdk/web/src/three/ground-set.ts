@@ -2,7 +2,6 @@
 
 import type { Group } from "three";
 
-import { mix32 } from "../core/cover.ts";
 import type { Residency } from "../core/residency.ts";
 import type { MeshData } from "../core/types.ts";
 import type { GpuStore } from "./gpu-store.ts";
@@ -201,17 +200,11 @@ export class GroundSet {
     this.#freeing.length = 0;
   }
 
-  /** Count and hash of what is really drawn, whatever its order. */
+  /** Count and hash (FNV-1a) of the segments that are really drawn. */
   digest(): string {
-    let hash = 0;
-    let count = 0;
-    for (const [segment, ground] of this.#shown) {
-      if (ground.isShown) {
-        hash ^= mix32(segment);
-        count += 1;
-      }
-    }
-    return `${count}:${(hash >>> 0).toString(16)}`;
+    const drawn = [...this.#shown].filter(([, ground]) => ground.isShown).map(([segment]) => segment);
+    const hash = drawn.sort((a, b) => a - b).reduce((sum, segment) => Math.imul(sum ^ segment, 0x01000193), 0x811c9dc5);
+    return `${drawn.length}:${(hash >>> 0).toString(16)}`;
   }
 
   /** Whether pages may be moved together now. */

@@ -7,6 +7,7 @@
 
 import { Group, PerspectiveCamera, type WebGLRenderer } from "three";
 
+import { hiddenFaces } from "../core/cover.ts";
 import { gpuBytesOf } from "../core/gpu-budget.ts";
 import type { Residency } from "../core/residency.ts";
 import { passOn } from "../core/residency-events.ts";
@@ -21,7 +22,7 @@ import type {
   Vec3,
 } from "../core/types.ts";
 import { BaseGround } from "./base-ground.ts";
-import { type Gain, gainOf, underFullDetail } from "./gain.ts";
+import { type Gain, gainOf } from "./gain.ts";
 import { GpuStore } from "./gpu-store.ts";
 import { GroundMaterial } from "./ground-material.ts";
 import { castGround, groundOnVertical, type Pickable, pickableBase, type ShownGround } from "./ground-picking.ts";
@@ -269,14 +270,10 @@ export class Stage implements Landings {
   gain(): Gain | null {
     const { hidden } = this.#base;
     if (hidden === undefined) return null;
+    const { position, radiusM, plan } = this.status;
     const full = this.#grounds.shownAtFullDetail;
-    const { base, cover } = this.#files;
     const faces = [...full.values()].reduce((sum, ground) => sum + ground.faceCount, 0);
-    return gainOf(
-      base,
-      underFullDetail(hidden, cover, (segment) => full.has(segment)),
-      faces,
-    );
+    return gainOf(this.#files.base, hidden, position, plan?.effectiveRadiusM ?? radiusM, faces);
   }
 
   /** Lay what strokes have taught over the ground; null takes it away. */
@@ -457,11 +454,18 @@ export class Stage implements Landings {
     if (this.#residency.restoring) {
       const restorable = this.#residency.restorable();
       if (restorable) {
-        this.#base.prepare(restorable, RESTORED_REVISION);
+        this.#prepareHidden(restorable, RESTORED_REVISION);
       }
     } else if (this.#residency.coming) {
-      this.#base.prepare(this.#residency.coming, this.#residency.comingRevision);
+      this.#prepareHidden(this.#residency.coming, this.#residency.comingRevision);
     }
+  }
+
+  /** Prepare the base to be drawn without the faces under these payloads, whatever their level. */
+  #prepareHidden(ids: readonly number[], revision: number): void {
+    if (revision === this.#base.targetRevision) return;
+    const { manifest, cover } = this.#files;
+    this.#base.prepare(hiddenFaces(cover, new Set(ids.map((id) => id % manifest.segmentCount))), revision);
   }
 
   #finishRestoring(): void {

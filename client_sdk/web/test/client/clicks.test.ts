@@ -13,7 +13,7 @@ import type { LandingOrder } from "../../src/app/viewer/landing-desk.ts";
 import type { ViewerState } from "../../src/app/viewer/state.ts";
 import { EYE_HEIGHT_M } from "../../src/app/walk-pose.ts";
 import { budgetsFor } from "../../src/core/budgets.ts";
-import { CoverCounters } from "../../src/core/cover.ts";
+import { hiddenFaces } from "../../src/core/cover.ts";
 import { defaultRadiusM } from "../../src/core/landing-defaults.ts";
 import { loadScene } from "../../src/core/scene/load.ts";
 import { sceneUrlOf } from "../../src/core/scene/urls.ts";
@@ -68,9 +68,8 @@ function clickable(files: SceneFiles, segments: readonly Pickable[]) {
         const beyond = [0, 1, 2].map((axis) => Math.max(bounds[axis]! - at[axis]!, 0, at[axis]! - bounds[axis + 3]!));
         return Math.hypot(...beyond) <= radiusM;
       });
-      const counters = new CoverCounters(cover);
-      for (const { segment } of near) counters.add(segment);
-      shown = { segments: near, base, hidden: counters.hidden, pushM };
+      const hidden = hiddenFaces(cover, new Set(near.map(({ segment }) => segment)));
+      shown = { segments: near, base, hidden, pushM };
     },
   };
 }

@@ -179,7 +179,7 @@ describe("what is shown", () => {
   });
 
   it("has no hidden base faces", () => {
-    expect(castGround(ground({ hidden: new Uint8Array(32).fill(1) }), above, [0, -1, 0], 1000)).toBeNull();
+    expect(castGround(ground({ hidden: new Uint8Array(32).fill(255) }), above, [0, -1, 0], 1000)).toBeNull();
   });
 
   it("has normals towards the ray", () => {

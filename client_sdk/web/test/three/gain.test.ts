@@ -1,33 +1,33 @@
-/** What became sharp, in numbers: faces, and metres from point to point. */
+/** What a landing adds to the base, in numbers: faces, and metres from point to point. */
 
 import { expect, test } from "vitest";
 import { gainText } from "../../src/app/viewer/compare.ts";
 import type { MeshData } from "../../src/core/types.ts";
-import { gainOf, pointSpacingM, underFullDetail } from "../../src/three/gain.ts";
+import { gainOf, pointSpacingM } from "../../src/three/gain.ts";
 
-/** Two triangles of a square of 2 m, in steps of half a metre, and a third beside it. */
+/** Two triangles of a square of 2 m, in steps of half a metre, and a third next to it. */
 const BASE = {
   stepM: 0.5,
+  translation: [10, 0, 0],
+  faceCount: 3,
   positions: Uint16Array.from([0, 0, 0, 0, 4, 0, 0, 0, 0, 0, 4, 0, 4, 0, 4, 0, 8, 0, 0, 0]),
   indices: Uint16Array.from([0, 2, 1, 1, 2, 3, 1, 3, 4]),
 } as unknown as MeshData;
 
-test("counts what is hidden, and its area", () => {
-  expect(gainOf(BASE, Uint8Array.from([1, 1, 0]), 800)).toEqual({ detailFaces: 800, baseFaces: 2, areaM2: 4 });
+test("counts the hidden faces and their area", () => {
+  expect(gainOf(BASE, Uint8Array.of(0b011), [11, 0, 1], 5, 800)).toEqual({
+    detailFaces: 800,
+    baseFaces: 2,
+    areaM2: 4,
+  });
 });
 
-test("counts of what is hidden only what lies under full detail", () => {
-  // Under segment 0; under 0 and 1; under 2, which is not hidden.
-  const cover = { offsets: Uint32Array.of(0, 1, 3, 4), segments: Uint32Array.of(0, 0, 1, 2) };
-  const under = (...full: number[]) =>
-    underFullDetail(Uint8Array.from([1, 1, 0]), cover, (segment) => full.includes(segment));
-  expect(under(0, 1)).toEqual(Uint8Array.from([1, 1, 0]));
-  expect(under(0)).toEqual(Uint8Array.from([1, 0, 0]));
-  expect(under(1)).toEqual(new Uint8Array(3));
+test("counts only hidden faces within the radius of full detail", () => {
+  expect(gainOf(BASE, Uint8Array.of(0b111), [10, 0, 0], 1, 800)?.baseFaces).toBe(1);
 });
 
-test("is none where nothing is hidden", () => {
-  expect(gainOf(BASE, new Uint8Array(3), 800)).toBeNull();
+test("is null where nothing is hidden", () => {
+  expect(gainOf(BASE, new Uint8Array(1), [11, 0, 1], 5, 800)).toBeNull();
 });
 
 test("says how far points are apart", () => {
