@@ -1,7 +1,8 @@
-"""Segment format 2: one segment as a short head, one gzip stream of planes, and its image.
+"""Segment format 2: one mesh as a short head, one gzip stream of planes, and its image.
 
-Described in ``spec/segment-format.md``. Lossless on the scene's grid and scales, but for normals,
-which are rounded to 1.1 degrees (4.5 where an image is drawn without light).
+Described in ``spec/segment-format.md``: segments, base and overview of a scene. Lossless on the
+scene's grid and scales, but for normals, which are rounded to 1.1 degrees (4.5 where an image is
+drawn without light).
 
 PURE: no I/O, no clock.
 """
@@ -59,7 +60,7 @@ MAX_STREAM_BYTES: Final = 1 << 28
 _OUTER: Final = struct.Struct("<4sII")
 _MAGIC: Final = b"TSG2"
 _HEAD: Final = struct.Struct("<IIiiibBBxHHHxxII")
-_COLOURS, _UVS, _REGIONS = 1, 2, 4
+_COLOURS, _UVS, _REGIONS, _WIDE = 1, 2, 4, 8
 _IMAGES: Final = ("image/jpeg", "image/png", "image/webp", "image/ktx2")
 _POLE: Final = 127
 _TEXTURED_NORMAL_STEP: Final = 4
@@ -67,9 +68,15 @@ _NO_REGION: Final = 0xFFFF
 
 
 def encode_segment(
-    mesh: SegmentMesh, *, step_m: float, scales: Mapping[str, AttributeScale]
+    mesh: SegmentMesh,
+    *,
+    step_m: float,
+    scales: Mapping[str, AttributeScale],
+    may_be_wide: bool = False,
 ) -> bytes:
-    """Encode one segment. Faces keep their order, vertices get the order of their first use.
+    """Encode one segment, or the base or overview of a scene.
+
+    Faces keep their order; vertices get the order of their first use.
 
     Parameters
     ----------
@@ -79,6 +86,8 @@ def encode_segment(
         Step of the scene's grid, metres; a power of two.
     scales : mapping of str to AttributeScale
         Every attribute of the scene, in the scene's order; the mesh may lack some.
+    may_be_wide : bool, optional
+        Whether the mesh may be wider than 65535 steps, as base and overview may; a segment may not.
 
     Returns
     -------
@@ -88,8 +97,8 @@ def encode_segment(
     Raises
     ------
     PayloadError
-        The mesh does not fit: more than 65535 steps along an axis, a vertex without a face, an
-        attribute that the scene does not have.
+        The mesh does not fit: a segment of more than 65535 steps along an axis, a vertex without
+        a face, an attribute that the scene does not have.
     """
     check_mesh(mesh)
     names = list(scales)
@@ -115,12 +124,14 @@ def encode_segment(
     codes = grid_codes(mesh.positions, step_m)[order]
     origin = codes.min(axis=0)
     codes -= origin
+    flags, region, mask = 0, _NO_REGION, 0
     if codes.max() > 0xFFFF:
-        raise PayloadError(f"{codes.max()} steps along an axis, expected at most 65535")
-    planes += [_differences(axis, 2) for axis in codes.T]
+        if not may_be_wide:
+            raise PayloadError(f"{codes.max()} steps along an axis, expected at most 65535")
+        flags |= _WIDE
+    planes += [_differences(axis, 4 if flags & _WIDE else 2) for axis in codes.T]
     step = 1 if mesh.texture is None else _TEXTURED_NORMAL_STEP
     planes += [_differences(axis, 1) for axis in _fold(mesh.normals[order], step).T]
-    flags, region, mask = 0, _NO_REGION, 0
     if mesh.colours is not None:
         flags |= _COLOURS
         red, green, blue = mesh.colours[order].astype(np.int64).T
@@ -185,7 +196,7 @@ def decode_segment(
         raise PayloadError("a face with a vertex that is not there yet")
     stream[~is_new] = old  # at most what stood there: it fits
     # (3) Vertices.
-    steps = planes.rows(vertices, 3, 2).astype(np.int32) + np.array([x, y, z], np.int32)
+    steps = planes.steps(vertices, flags, (x, y, z))
     # Not by absolute values: int32 has none of its least number, which a damaged origin may give.
     inside = int(steps.min()) > -MAX_STEPS and int(steps.max()) < MAX_STEPS
     if not -1022 <= exponent <= 127 or not inside:
@@ -240,12 +251,12 @@ def segment_bounds(data: bytes | memoryview) -> Float64:
     PayloadError
         It is damaged, or not a whole segment.
     """
-    planes, _, (vertices, faces, *origin, exponent, _, _, _, _, _, _) = _opened(data)
+    planes, _, (vertices, faces, x, y, z, exponent, flags, _, _, _, _, _) = _opened(data)
     starts = planes.bits(faces)
     planes.take((faces + 7) // 8)
     is_new = planes.bits(faces + 2 * int(starts.sum()))
     planes.differences(int((~is_new).sum()), 2 if vertices <= 1 << 16 else 4)
-    steps = planes.rows(vertices, 3, 2).astype(np.int64) + np.array(origin)
+    steps = planes.steps(vertices, flags, (x, y, z)).astype(np.int64)
     if not -1022 <= exponent <= 127:
         raise PayloadError(f"step 2^{exponent}, expected 2^-1022 to 2^127")
     bounds: Float64 = np.concatenate([steps.min(axis=0), steps.max(axis=0)]) * 2.0**exponent
@@ -299,10 +310,10 @@ def _opened(data: bytes | memoryview) -> tuple[_Planes, bytes, tuple[int, ...]]:
     planes, image = _Planes(packed), bytes(image_view)
     *head, crc = _HEAD.unpack(planes.take(_HEAD.size))
     vertices, faces, flags, kind = head[0], head[1], head[6], head[7]
-    if not vertices or not faces or flags & ~7 or kind > len(_IMAGES):
+    if not vertices or not faces or flags & ~15 or kind > len(_IMAGES):
         raise PayloadError(
             f"{vertices} vertices, {faces} faces, flags {flags}, image {kind}, expected at least "
-            f"one face, flags below 8, an image up to {len(_IMAGES)}"
+            f"one face, flags below 16, an image up to {len(_IMAGES)}"
         )
     if bool(kind) != bool(flags & _UVS) or bool(kind) != bool(image) or zlib.crc32(image) != crc:
         raise PayloadError("an image that is damaged, or texture coordinates without one")
@@ -343,6 +354,13 @@ class _Planes:
         zigzag = octets[0] if width == 1 else np.ascontiguousarray(octets.T).view(kind)[:, 0]
         signed = (zigzag >> 1) ^ (0 - (zigzag & 1)).astype(kind)
         return np.cumsum(signed, dtype=kind)
+
+    def steps(self, count: int, flags: int, origin: tuple[int, int, int]) -> Int32 | Int64:
+        """Take positions: whole steps of the grid, (count, 3)."""
+        # Values of a damaged wide mesh may be near 2^32: 64 bits hold their sums with the origin.
+        kind, width = (np.int64, 4) if flags & _WIDE else (np.int32, 2)
+        steps: Int32 | Int64 = self.rows(count, 3, width).astype(kind) + np.array(origin, kind)
+        return steps
 
     def rows(self, count: int, columns: int, width: int) -> UInt16:
         return np.stack([self.differences(count, width) for _ in range(columns)], axis=1)

@@ -47,7 +47,10 @@ def read_segment() -> Callable[[bytes], Any]:
 
 
 def random_mesh(seed: int, faces: int, *, manifold: bool, kind: str) -> SegmentMesh:
-    """Triangles of a lattice or any triangles at all, with colours or an image, and attributes."""
+    """Triangles of a lattice or any triangles at all, with colours or an image, and attributes.
+
+    What is wide is 300 m wide, or more: beyond 65,535 steps.
+    """
     random = np.random.default_rng(seed)
     side = int(np.ceil(np.sqrt(faces / 2))) + 1
     place = np.arange(side * side).reshape(side, side)
@@ -70,7 +73,9 @@ def random_mesh(seed: int, faces: int, *, manifold: bool, kind: str) -> SegmentM
         region_ids=(np.full(count, 7) if seed % 3 else np.arange(count) // 5).astype(np.uint16),
         attributes={"moisture": np.where(used % 4, used * 0.25 - 5, np.nan).astype(np.float32)},
     )
-    if kind == "colours":
+    if kind == "wide":
+        mesh = replace(mesh, positions=mesh.positions * np.float32(1 << 10))
+    if kind in ("colours", "wide"):
         return replace(mesh, colours=random.integers(0, 256, (count, 3), dtype=np.uint8))
     if kind == "image":
         uvs = snap_uvs(random.random((count, 2)).astype(np.float32), 16, 8)
@@ -109,23 +114,27 @@ def angles_deg(before: SegmentMesh, after: SegmentMesh) -> np.ndarray[Any, Any]:
     seed=st.integers(0, 1 << 30),
     faces=st.integers(1, 60),
     manifold=st.booleans(),
-    kind=st.sampled_from(["plain", "colours", "image"]),
+    kind=st.sampled_from(["plain", "colours", "image", "wide"]),
 )
 def test_what_is_encoded_comes_back(seed: int, faces: int, manifold: bool, kind: str) -> None:
     mesh = random_mesh(seed, faces, manifold=manifold, kind=kind)
-    decoded = decode_segment(encode_segment(mesh, step_m=STEP_M, scales=SCALES), scales=SCALES)
+    data = encode_segment(mesh, step_m=STEP_M, scales=SCALES, may_be_wide=kind == "wide")
+    decoded = decode_segment(data, scales=SCALES)
     assert np.array_equal(corner_rows(decoded), corner_rows(mesh))
     assert decoded.texture == mesh.texture
     if len(np.unique(mesh.positions, axis=0)) == len(mesh.positions):
         assert angles_deg(mesh, decoded).max() < (4.6 if kind == "image" else 1.2)
 
 
-@given(seed=st.integers(0, 1 << 30), kind=st.sampled_from(["plain", "colours", "image"]))
+@given(seed=st.integers(0, 1 << 30), kind=st.sampled_from(["plain", "colours", "image", "wide"]))
 def test_the_reader_of_the_specification_says_the_same(
     read_segment: Callable[[bytes], Any], seed: int, kind: str
 ) -> None:
     data = encode_segment(
-        random_mesh(seed, 40, manifold=bool(seed % 5), kind=kind), step_m=STEP_M, scales=SCALES
+        random_mesh(seed, 40, manifold=bool(seed % 5), kind=kind),
+        step_m=STEP_M,
+        scales=SCALES,
+        may_be_wide=True,
     )
     mesh = decode_segment(data, scales=SCALES)
     faces, positions, _, colours, uvs, regions, image = read_segment(data)
@@ -140,7 +149,7 @@ def test_the_reader_of_the_specification_says_the_same(
         assert mesh.region_ids.tolist() == regions
 
 
-@pytest.mark.parametrize("kind", ["plain", "colours", "image"])
+@pytest.mark.parametrize("kind", ["plain", "colours", "image", "wide"])
 def test_files_of_before_are_read(kind: str) -> None:
     data = (GOLDEN / f"{kind}.tsg").read_bytes()
     mesh = random_mesh(4, 50, manifold=True, kind=kind)
@@ -167,6 +176,17 @@ def test_no_damage_changes_a_mesh(kind: str) -> None:
             decode_segment(data[:length], scales=SCALES)
     with pytest.raises(PayloadError):
         decode_segment(data + b"\0", scales=SCALES)
+
+
+@given(
+    faces=st.integers(1, 30), far=st.sampled_from([-(1 << 31), -(1 << 24), 1 << 24, (1 << 31) - 1])
+)
+def test_a_wide_mesh_beyond_the_grid_is_refused(faces: int, far: int) -> None:
+    mesh = random_mesh(4, faces, manifold=True, kind="wide")
+    data = encode_segment(mesh, step_m=STEP_M, scales=SCALES, may_be_wide=True)
+    moved = with_stream(data, lambda stream: struct.pack_into("<i", stream, 8, far))
+    with pytest.raises(PayloadError, match=r"2\^24 steps"):
+        decode_segment(moved, scales=SCALES)
 
 
 def with_stream(data: bytes, change: Callable[[bytearray], None]) -> bytes:

@@ -258,7 +258,7 @@ def write_bad_segments() -> None:
         "huge-faces": (changed(4, "<I", (1 << 32) - 1), "a plane of"),
         "no-start": (changed(40, "<B", stream[40] & ~1), "faces"),
         "later-corner": (changed(42 + new_bytes, "<B", 30), "is not there yet"),
-        "flag": (changed(21, "<B", stream[21] | 8), "flags below 8"),
+        "flag": (changed(21, "<B", stream[21] | 16), "flags below 16"),
         "image-unknown": (changed(22, "<B", 5), "an image up to 4"),
         "image-crc": (
             joined(packed, image[:-1] + bytes([image[-1] ^ 1])),
