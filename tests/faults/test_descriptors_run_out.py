@@ -21,7 +21,7 @@ from websockets.exceptions import InvalidStatus
 
 from terraport_server.scenes.registry import SceneRegistry
 from terraport_store import change_labels
-from terraport_wire import Land, Ready
+from terraport_wire.protocol_2 import Ready
 
 resource = pytest.importorskip("resource")
 
@@ -45,7 +45,7 @@ def landed(url: str, **options: object) -> PlainClient:
     """Return a client after its first landing."""
     client = PlainClient(url, **options)
     client.hello()
-    client.send(Land(generation=1, position=(30.0, 1.0, 30.0), radius_m=500.0))
+    client.land(1, (30.0, 1.0, 30.0), 500.0)
     client.until(Ready)
     return client
 
@@ -114,7 +114,7 @@ def test_without_descriptors_clients_get_503_and_scenes_are_watched(tmp_path: Pa
         # Scenes that appear, and new labels, are still noticed; those inside can still land.
         write_grid_scene(scenes / "quarry", cells=2)
         eventually(lambda: "scene=quarry" in service.log)
-        clients[0].send(Land(generation=2, position=(0.0, 1.0, 0.0), radius_m=10.0))
+        clients[0].land(2, (0.0, 1.0, 0.0), 10.0)
         clients[0].until(Ready)
         for client in clients:
             client.socket.close()

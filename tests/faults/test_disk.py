@@ -16,15 +16,16 @@ from pathlib import Path
 import pytest
 from eventually import eventually
 from server.grid_scene import SIDE, TILE_M, GridScene, write_grid_scene
-from server.plain_client import PlainClient, assemble
+from server.plain_client import PlainClient, assemble, make_land
 
 import terraport
 from terraport_server import BackgroundServer
 from terraport_store import OutOfSpaceError
-from terraport_wire import Credit, Land, Plan, Ready
+from terraport_wire import Credit
+from terraport_wire.protocol_2 import Plan, Ready
 
 CENTRE = (SIDE * TILE_M / 2, 1.0, SIDE * TILE_M / 2)
-EVERYWHERE = Land(generation=1, position=CENTRE, radius_m=100.0)
+EVERYWHERE = make_land(1, CENTRE, 100.0)
 
 
 @pytest.fixture

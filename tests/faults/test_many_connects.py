@@ -15,7 +15,8 @@ from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient, make_hello
 from websockets.exceptions import ConnectionClosed
 
-from terraport_wire import SUBPROTOCOL, Direction, Land, Ready, Welcome, decode, encode
+from terraport_wire import Direction, encode
+from terraport_wire.protocol_2 import SUBPROTOCOL, Ready, Welcome, decode
 
 CLIENTS = 1000
 
@@ -70,7 +71,7 @@ def lands(url: str) -> bool:
                 return False
         except ConnectionClosed:
             return False
-        client.send(Land(generation=1, position=(30.0, 1.0, 30.0), radius_m=15.0))
+        client.land(1, (30.0, 1.0, 30.0), 15.0)
         client.until(Ready)
         return True
 

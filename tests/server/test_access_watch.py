@@ -21,7 +21,7 @@ from server.plain_client import PlainClient
 from terraport_server import BackgroundServer
 from terraport_server.auth.keys import TokenKey, new_key, write_keys
 from terraport_server.auth.tokens import make_token
-from terraport_wire import Land, Plan, Ready
+from terraport_wire.protocol_2 import Plan, Ready
 
 KEY = TokenKey("k1", "HS256", bytes(range(32)))
 PERIOD_S = 0.1
@@ -115,7 +115,7 @@ def test_a_stranger_is_told_the_same_of_every_name(server: BackgroundServer) -> 
             error, code = client.refused()
             answers.append((error.code, error.message, code))
         with PlainClient(server.scene_url(scene_id)) as client:
-            client.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=1.0))
+            client.land(1, (0.0, 0.0, 0.0), 1.0)
             answers.append(client.refused()[1])
     assert answers[0] == answers[2]
     with PlainClient(server.scene_url("atlantis")) as client:
@@ -129,7 +129,7 @@ def test_a_token_that_is_gone_closes_its_sessions_and_no_other(
     with session(server, ANNA) as anna, session(server, BOB) as bob:
         anna.hello(credit_bytes=1)
         bob.hello()
-        anna.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=50.0))
+        anna.land(1, (0.0, 0.0, 0.0), 50.0)
         anna.expect(Plan)  # and in the middle of its payload
         tokens.write_text(f"bob {BOB} pit\n")
         began_s = time.monotonic()
@@ -137,7 +137,7 @@ def test_a_token_that_is_gone_closes_its_sessions_and_no_other(
         assert time.monotonic() - began_s < 3 * PERIOD_S + 2.0  # and what a busy machine adds
         assert (error.code, code) == ("unauthorised", 4401)
         assert "no longer opens this scene" in error.message
-        bob.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=50.0))
+        bob.land(1, (0.0, 0.0, 0.0), 50.0)
         bob.until(Ready)
     assert withdrawn(server, "revoked") == 1
     assert opens(server, ANNA) == 401
@@ -152,7 +152,7 @@ def test_a_token_that_lost_a_scene_closes_that_scenes_sessions(
         kept.hello()
         tokens.write_text(f"anna {ANNA} pit\nbob {BOB} pit\n")
         assert lost.refused()[1] == 4401
-        kept.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=50.0))
+        kept.land(1, (0.0, 0.0, 0.0), 50.0)
         kept.until(Ready)
 
 
@@ -170,7 +170,7 @@ def test_a_file_that_cannot_be_used_changes_nothing(
         time.sleep(4 * PERIOD_S)
         assert reloads(server, "tokens", "bad") == 1, "once per change"
         assert opens(server, ANNA) == 200
-        anna.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=50.0))
+        anna.land(1, (0.0, 0.0, 0.0), 50.0)
         anna.until(Ready)
         tokens.write_text(f"carl {'c' * 16}\n")
         assert anna.refused()[1] == 4401
@@ -188,7 +188,7 @@ def test_a_file_that_is_being_written_is_not_read(server: BackgroundServer, toke
                 time.sleep(PERIOD_S / 3)
             file.write(f"anna {ANNA}\n")
         eventually(lambda: opens(server, f"{'g' * 16}7") == 200)
-        anna.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=50.0))
+        anna.land(1, (0.0, 0.0, 0.0), 50.0)
         anna.until(Ready)
     assert withdrawn(server, "revoked") == 0
 
@@ -233,14 +233,14 @@ def test_one_token_is_taken_back_before_its_time(server: BackgroundServer, keys:
         other.hello()
         write_keys(keys, [KEY.line(), "revoke t1"])
         assert client.refused()[1] == 4401
-        other.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=50.0))
+        other.land(1, (0.0, 0.0, 0.0), 50.0)
         other.until(Ready)
 
 
 def test_an_expired_token_ends_its_session_while_it_streams(server: BackgroundServer) -> None:
     with session(server, token(valid_s=2.0)) as client:
         client.hello(credit_bytes=1)
-        client.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=50.0))
+        client.land(1, (0.0, 0.0, 0.0), 50.0)
         client.expect(Plan)
         error, code = client.refused()
         assert (error.code, code) == ("unauthorised", 4401)
@@ -256,11 +256,11 @@ def test_a_clock_that_jumps_moves_expiry_and_nothing_else(server: BackgroundServ
         gate._clock = lambda: real() - 86_400.0 * 365  # back a year: nobody is thrown out
         time.sleep(4 * PERIOD_S)
         for peer in (client, bob):
-            peer.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=50.0))
+            peer.land(1, (0.0, 0.0, 0.0), 50.0)
             peer.until(Ready)
         gate._clock = lambda: real() + 86_400.0 * 365  # on a year: what has expired goes
         assert client.refused()[1] == 4401
-        bob.send(Land(generation=2, position=(0.0, 0.0, 0.0), radius_m=50.0))
+        bob.land(2, (0.0, 0.0, 0.0), 50.0)
         bob.until(Ready)
     assert withdrawn(server, "expired") == 1
 
@@ -320,7 +320,7 @@ def test_a_certificate_is_renewed_under_running_sessions(folder: Path, tmp_path:
             (tmp_path / "key.pem").write_text("no key")
             eventually(lambda: reloads(running, "tls", "bad"))
             assert served_name(running) == "second"
-            client.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=50.0))
+            client.land(1, (0.0, 0.0, 0.0), 50.0)
             client.until(Ready)
         plain = PlainClient  # without TLS nothing answers
         with pytest.raises(Exception, match=r"(?i)http|line|closed|reset|response"):

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from eventually import eventually
 from server.grid_scene import write_grid_scene
-from server.plain_client import PlainClient, assemble, make_hello
+from server.plain_client import Piece, PlainClient, assemble, make_hello, make_land
 from websockets.client import ClientProtocol
 from websockets.frames import Frame, Opcode
 from websockets.protocol import State
@@ -34,24 +34,12 @@ from terraport_server.stream.connection import (
     Connection,
 )
 from terraport_server.stream.frame_writer import FrameWriter, message_header
-from terraport_wire import (
-    HELD_DTYPE,
-    MAX_HELD_SEGMENTS,
-    SUBPROTOCOL,
-    Direction,
-    Land,
-    Message,
-    PayloadFrame,
-    Ready,
-    decode,
-    decode_frame,
-    encode,
-    is_payload,
-)
+from terraport_wire import MAX_TOKEN_BYTES, Direction, Message, encode, is_payload
+from terraport_wire.protocol_2 import SUBPROTOCOL, Plan, Ready, decode, decode_frame
 
 PING, CLOSE, BINARY, TEXT, CONT = 9, 8, 2, 1, 0
 TOKEN = "a-token-of-enough-characters"
-EVERYWHERE = Land(generation=1, position=(30.0, 0.0, 30.0), radius_m=500.0)
+EVERYWHERE = make_land(1, (30.0, 0.0, 30.0), 500.0)
 
 
 @pytest.fixture
@@ -137,15 +125,25 @@ class SlowClient:
         self.frames += cast("list[Frame]", self.protocol.events_received())
 
     def payloads_until_ready(self) -> dict[int, bytes]:
-        while not any(
-            frame.opcode is Opcode.BINARY
-            and not is_payload(frame.data)
-            and isinstance(decode(frame.data, Direction.SERVER_TO_CLIENT), Ready)
-            for frame in self.frames[-3:]
-        ):
+        while not self._messages(Ready):
             self.read()
+        (plan,) = self._messages(Plan)
+        segments = dict(zip(plan.show["key"].tolist(), plan.show["id"].tolist(), strict=True))
         frames = [decode_frame(frame.data) for frame in self.frames if is_payload(frame.data)]
-        return assemble([frame for frame in frames if isinstance(frame, PayloadFrame)])
+        return assemble(
+            Piece(frame.generation, frame.key, segments[frame.key], frame.offset, frame.total,
+                  bytes(frame.data))
+            for frame in frames
+            if frame is not None
+        )  # fmt: skip
+
+    def _messages(self, kind: type[Any]) -> list[Any]:
+        messages = [
+            decode(frame.data, Direction.SERVER_TO_CLIENT)
+            for frame in self.frames
+            if frame.opcode is Opcode.BINARY and not is_payload(frame.data)
+        ]
+        return [message for message in messages if isinstance(message, kind)]
 
     def pongs(self) -> list[bytes]:
         return [bytes(frame.data) for frame in self.frames if frame.opcode is Opcode.PONG]
@@ -303,9 +301,8 @@ def test_the_longest_hello_is_accepted(scenes: Path) -> None:
         BackgroundServer(scenes, token=TOKEN) as server,
         PlainClient(server.scene_url("grid")) as client,
     ):
-        table = np.zeros(MAX_HELD_SEGMENTS, dtype=HELD_DTYPE)
-        table["id"] = np.arange(MAX_HELD_SEGMENTS)
-        assert client.hello(token=TOKEN, held=table).held_count == 0
+        client.send_hello(client="🌍" * 128, token="🌍" * MAX_TOKEN_BYTES)
+        assert client.refused()[0].code == "unauthorised"
 
 
 @pytest.mark.parametrize("bad", [b"\xff\xfe{}", b'{"type":"\xed\xa0\x80"}'])

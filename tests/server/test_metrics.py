@@ -20,7 +20,8 @@ from terraport_server.metrics import MAX_SCENE_LABELS, Metrics, ObjectMetrics
 from terraport_server.service import METRIC_PAGES_PER_S, Service
 from terraport_server.session.rate_limit import RateLimit
 from terraport_store.object_files import ObjectStorage
-from terraport_wire import Bye, Credit, Land, Plan, Ready
+from terraport_wire import Bye, Credit
+from terraport_wire.protocol_2 import Plan, Ready
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "topics" / "metrics.md"
 
@@ -95,14 +96,14 @@ def test_a_session_is_counted_from_opening_to_bye(server: BackgroundServer) -> N
     with PlainClient(server.scene_url("pit")) as client:
         client.hello()
         assert value(server, "terraport_sessions_active", scene="pit") == 1
-        client.send(Land(generation=1, position=(30.0, 0.0, 30.0), radius_m=20.0))
-        ready, _, _ = client.until(Ready)
+        client.land(1, (30.0, 0.0, 30.0), 20.0)
+        client.until(Ready)
         client.send(Bye())
         client.closed()
     eventually(lambda: value(server, "terraport_sessions_active", scene="pit") == 0)
     assert value(server, "terraport_landings_total", scene="pit") == before + 1
     assert value(server, "terraport_landing_plan_seconds_count") == plans + 1
-    assert value(server, "terraport_payload_bytes_total", kind="land") >= ready.payload_bytes
+    assert value(server, "terraport_payload_bytes_total", kind="land") >= client.taken_bytes > 0
     assert value(server, "terraport_sessions_closed_total", reason="bye") == byes + 1
     assert value(server, "terraport_http_requests_total", status="2xx") > 0
     assert value(server, "process_resident_memory_bytes") > 1 << 20
@@ -113,18 +114,18 @@ def test_a_client_without_credit_is_stalled_until_it_grants_or_goes(
 ) -> None:
     with PlainClient(server.scene_url("pit")) as client:
         client.hello(credit_bytes=1000)
-        client.send(Land(generation=1, position=(30.0, 0.0, 30.0), radius_m=20.0))
+        client.land(1, (30.0, 0.0, 30.0), 20.0)
         client.expect(Plan)
         eventually(lambda: value(server, "terraport_sessions_stalled") == 1)
         client.send(Credit(bytes=1 << 30))
         client.until(Ready)
         assert value(server, "terraport_sessions_stalled") == 0
-        client.send(Land(generation=2, position=(0.0, 0.0, 0.0), radius_m=1.0))
+        client.land(2, (0.0, 0.0, 0.0), 1.0)
         client.until(Ready)
     lost = value(server, "terraport_sessions_closed_total", reason="lost")
     with PlainClient(server.scene_url("pit")) as client:
         client.hello(credit_bytes=1000)
-        client.send(Land(generation=1, position=(30.0, 0.0, 30.0), radius_m=20.0))
+        client.land(1, (30.0, 0.0, 30.0), 20.0)
         eventually(lambda: value(server, "terraport_sessions_stalled") == 1)
         client.socket.socket.close()
     eventually(lambda: value(server, "terraport_sessions_stalled") == 0)

@@ -18,7 +18,7 @@ from server.plain_client import PlainClient, assemble
 from server.test_serving import serving
 from websockets.exceptions import ConnectionClosed
 
-from terraport_wire import Land, Ready
+from terraport_wire.protocol_2 import Ready
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self").exists(), reason="reads /proc")
 
@@ -46,7 +46,7 @@ def workers(parent: int) -> list[int]:
 def land(url: str) -> int:
     with PlainClient(f"{url}/scenes/pit") as client:
         client.hello()
-        client.send(Land(generation=1, position=(30.0, 0.0, 30.0), radius_m=500.0))
+        client.land(1, (30.0, 0.0, 30.0), 500.0)
         _, frames, _ = client.until(Ready)
         return len(assemble(frames))
 

@@ -16,7 +16,7 @@ from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient
 
 from terraport_server import BackgroundServer
-from terraport_wire import Land, Plan, Ready
+from terraport_wire.protocol_2 import Plan, Ready
 
 IDLE_S = 1.5
 CLOSE_S = 0.5
@@ -39,7 +39,7 @@ def server(folder: Path) -> Iterator[BackgroundServer]:
         # And with the first landing the pack is mapped.
         with PlainClient(running.scene_url("pit")) as client:
             client.hello()
-            client.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=20.0))
+            client.land(1, (0.0, 0.0, 0.0), 20.0)
             client.until(Ready)
         eventually(lambda: not running._server.server_state.connections)
         yield running
@@ -115,7 +115,7 @@ def test_a_link_that_swallows_everything(server: BackgroundServer, credit: int) 
         url = f"http://127.0.0.1:{hole.port}/scenes/pit"
         with PlainClient(url, ping_interval=None) as client:
             client.hello(credit_bytes=credit)
-            client.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=200.0))
+            client.land(1, (0.0, 0.0, 0.0), 200.0)
             client.expect(Plan)
             hole.swallow()
             began_s = time.monotonic()

@@ -6,29 +6,27 @@ import contextlib
 import logging
 import random
 
+import numpy as np
 import pytest
-from server.plain_client import PlainClient, make_hello
+from server.plain_client import PlainClient, make_hello, make_land
 from websockets.exceptions import ConnectionClosed
 
 from terraport_server import BackgroundServer
-from terraport_wire import (
-    Aim,
-    Credit,
-    Error,
-    Land,
-    Pick,
-    Ready,
-    Reject,
-    encode,
-)
+from terraport_wire import Credit, Error, Pick, encode
+from terraport_wire.protocol_2 import KEY_DTYPE, Prefetch, Ready
 
 MESSAGES = [
     make_hello(),
-    Land(generation=1, position=(30.0, 0.0, 30.0), radius_m=15.0, inner_radius_m=5.0),
-    Aim(generation=2, position=(30.0, 0.0, 30.0), radius_m=15.0),
+    make_land(1, (30.0, 0.0, 30.0), 15.0, inner_radius_m=5.0),
+    Prefetch(
+        generation=2,
+        position=(30.0, 0.0, 30.0),
+        radius_m=15.0,
+        have=np.arange(5, dtype=KEY_DTYPE),
+        taken_bytes=0,
+    ),
     Credit(bytes=1000),
     Pick(request=1, origin=(15.0, 9.0, 15.0), direction=(0.0, -1.0, 0.1)),
-    Reject(generation=1, segment=3, reason="hash_mismatch"),
 ]
 LAST = Pick(request=4_000_000_000, origin=(0.0, 0.0, 0.0))
 ALLOWED = {4400, 4401, 4409, 4413}

@@ -8,33 +8,28 @@ import time
 from pathlib import Path
 
 import httpx
-import numpy as np
 import pytest
 from eventually import eventually
 from server.grid_scene import GridScene, write_grid_scene
 from server.plain_client import PlainClient, assemble
 
+from terraport_payload.types import UInt64
 from terraport_server import BackgroundServer
 from terraport_store import Scene
-from terraport_wire import (
-    HELD_DTYPE,
-    Credit,
-    Error,
-    Evict,
-    Land,
-    Notice,
-    Pick,
-    Picked,
-    Plan,
-    Ready,
-    Reject,
-)
+from terraport_wire import Credit, Error, Notice, Pick, Picked
+from terraport_wire.protocol_2 import Plan, Ready
 
 HERE = (30.0, 1.0, 30.0)
 
 
-def land(generation: int, radius_m: float = 100.0) -> Land:
-    return Land(generation=generation, position=HERE, radius_m=radius_m)
+EVERYWHERE_M = 100.0
+
+
+def landed(client: PlainClient, generation: int) -> tuple[list[int], dict[int, bytes]]:
+    """Land without anything; return what is missing and the payloads by segment."""
+    client.land(generation, HERE, EVERYWHERE_M)
+    ready, pieces, _ = client.until(Ready)
+    return client.missing(ready), assemble(pieces)
 
 
 def flip(path: Path, segment: int, *, at: int = 40) -> None:
@@ -47,6 +42,12 @@ def flip(path: Path, segment: int, *, at: int = 40) -> None:
         byte = file.read(1)[0]
         file.seek(offset)
         file.write(bytes([byte ^ 0x10]))
+
+
+def keys_of(scene: GridScene, *segments: int) -> UInt64:
+    """Return the keys of some segments."""
+    with Scene.open(scene.path) as opened:
+        return opened.index.xxh3[[*segments]]
 
 
 @pytest.fixture
@@ -65,15 +66,11 @@ def test_a_flipped_byte_is_found_reported_and_never_sent(
         PlainClient(server.scene_url("own")) as client,
     ):
         client.hello()
-        client.send(land(1))
-        client.expect(Plan)
-        ready, frames, _ = client.until(Ready)
+        missing, received = landed(client, 1)
         metrics = httpx.get(f"{server.url}/metrics").text
         segment = httpx.get(f"{server.scene_url('own')}/segments/14.glb")
         whole = httpx.get(f"{server.scene_url('own')}/segments/15.glb")
-    assert ready.missing.tolist() == [14]
-    assert ready.delivered == 35
-    received = assemble(frames)
+    assert missing == [14]
     assert received == {s: data for s, data in enumerate(own.payloads) if s != 14}
     assert 'terraport_corrupt_segments_total{scene="own"} 1.0' in metrics
     (record,) = [r for r in caplog.records if r.getMessage() == "segment_corrupt"]
@@ -90,22 +87,16 @@ def test_a_byte_that_flips_after_it_was_sent_once(own: GridScene) -> None:
         PlainClient(server.scene_url("own")) as second,
     ):
         first.hello()
-        first.send(land(1))
-        assert first.until(Ready)[0].missing.tolist() == []
-        flip(own.path, 20)
         second.hello()
-        second.send(land(1))
-        _, frames, _ = second.until(Ready)
-        assert assemble(frames)[20] != own.payloads[20], "checked before: sent unread"
-        second.send(Reject(generation=1, segment=20, reason="hash_mismatch"))
-        assert second.until(Ready)[0].missing.tolist() == [20], "read anew, found bad"
-        first.send(Evict(segments=np.array([20], dtype=np.uint32)))
-        first.send(land(2))
-        assert first.until(Ready)[0].missing.tolist() == [20], "and not sent to anybody else"
+        assert landed(first, 1)[0] == []
         flip(own.path, 20)
-        first.send(land(3))
-        _, frames, _ = first.until(Ready)
-        assert assemble(frames) == {20: own.payloads[20]}, "mended on disk: sent again"
+        assert landed(second, 1)[1][20] != own.payloads[20], "checked before: sent unread"
+        second.land(2, HERE, EVERYWHERE_M, without=keys_of(own, 20))
+        assert 20 not in assemble(second.until(Ready)[1])
+        assert "terraport_rejected_segments_total 1.0" in httpx.get(f"{server.url}/metrics").text
+        assert landed(first, 2)[0] == [20], "read anew, found bad, not sent to anybody else"
+        flip(own.path, 20)
+        assert landed(first, 3)[1][20] == own.payloads[20], "mended on disk: sent again"
 
 
 def test_a_pack_cut_short_loses_segments_and_nothing_else(own: GridScene) -> None:
@@ -119,10 +110,9 @@ def test_a_pack_cut_short_loses_segments_and_nothing_else(own: GridScene) -> Non
             pack = scene.file_path("segments.pack")
         with pack.open("r+b") as file:
             file.truncate(end)
-        client.send(land(1))
-        ready, frames, _ = client.until(Ready)
-        assert ready.missing.tolist() == [30, 31, 32, 33, 34, 35]
-        assert sorted(assemble(frames)) == list(range(30))
+        missing, received = landed(client, 1)
+        assert missing == [30, 31, 32, 33, 34, 35]
+        assert sorted(received) == list(range(30))
 
 
 def test_a_pick_passes_over_a_corrupt_segment(own: GridScene) -> None:
@@ -145,7 +135,7 @@ def test_a_pick_out_of_time_is_refused_and_the_session_goes_on(own: GridScene) -
         client.send(Pick(request=1, origin=(-5.0, 1.2, 5.0), direction=(1.0, 0.0, 0.0)))
         error = client.expect(Error)
         assert (error.code, error.fatal, error.request) == ("internal", False, 1)
-        client.send(land(1, 1.0))
+        client.land(1, HERE, 1.0)
         client.until(Ready)
 
 
@@ -154,7 +144,7 @@ def test_a_scene_published_during_a_session(own: GridScene) -> None:
         url = server.scene_url("own")
         with PlainClient(url) as old:
             assert old.hello(credit_bytes=20_000).scene.version == own.manifest.version
-            old.send(land(1))
+            old.land(1, HERE, EVERYWHERE_M)
             old.expect(Plan)
             new = write_grid_scene(own.path, seed=1)
             assert new.manifest.version != own.manifest.version
@@ -167,11 +157,9 @@ def test_a_scene_published_during_a_session(own: GridScene) -> None:
             with PlainClient(url) as fresh:
                 with Scene.open(own.path) as scene:
                     newest = [int(h) for h in scene.index.xxh3]
-                held_segments = np.array([(0, newest[0]), (1, 12345)], dtype=HELD_DTYPE)
-                welcome = fresh.hello(held=held_segments)
-                assert welcome.scene.version == new.manifest.version
-                assert welcome.dropped.tolist() == [1]
-                fresh.send(land(1))
+                assert fresh.hello().scene.version == new.manifest.version
+                # A key of the new version, and one of none.
+                fresh.land(1, HERE, EVERYWHERE_M, have=[newest[0], 12345])
                 _, frames, _ = fresh.until(Ready)
                 assert assemble(frames) == dict(list(enumerate(new.payloads))[1:])
             served = server.service.registry.get("own", own.manifest.version)
@@ -188,8 +176,7 @@ def test_a_damaged_new_version_leaves_the_old_one_served(own: GridScene) -> None
         time.sleep(0.3)
         with PlainClient(server.scene_url("own")) as client:
             client.hello()
-            client.send(land(1))
-            assert client.until(Ready)[0].delivered == 36
+            assert len(landed(client, 1)[1]) == 36
 
 
 def test_stopping_finishes_the_open_landing_and_says_when_to_come_back(own: GridScene) -> None:
@@ -201,7 +188,7 @@ def test_stopping_finishes_the_open_landing_and_says_when_to_come_back(own: Grid
     ):
         idle.hello()
         client.hello(credit_bytes=20_000)
-        client.send(land(1))
+        client.land(1, HERE, EVERYWHERE_M)
         client.expect(Plan)
         stopping = threading.Thread(target=server.stop)
         stopping.start()
@@ -210,8 +197,7 @@ def test_stopping_finishes_the_open_landing_and_says_when_to_come_back(own: Grid
         assert idle.expect(Notice).kind == "draining"
         assert idle.closed() == 4503
         client.send(Credit(bytes=1 << 30))
-        ready, rest, _ = client.until(Ready)
-        assert ready.delivered == 36
+        _, rest, _ = client.until(Ready)
         assert assemble([*frames, *rest]) == dict(enumerate(own.payloads))
         assert client.closed() == 4503
     stopping.join(10.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import random
 import socket
 
@@ -9,56 +10,55 @@ import msgpack
 import numpy as np
 import pytest
 from server.grid_scene import SIDE, TILE_M, GridScene
-from server.plain_client import PlainClient, assemble
+from server.plain_client import Piece, PlainClient, assemble, follows, make_land
 
 from terraport_payload import box_distances_m
 from terraport_server import BackgroundServer
 from terraport_store import Scene
-from terraport_wire import (
-    HELD_DTYPE,
-    Budgets,
-    Bye,
-    Credit,
-    Degraded,
-    Evict,
-    Land,
-    PayloadFrame,
-    Pick,
-    Picked,
-    Plan,
-    Ready,
-    Superseded,
-    encode,
-)
+from terraport_wire import Budgets, Bye, Credit, Pick, Picked, encode
+from terraport_wire.protocol_2 import Plan, Ready
 
 CENTRE = (SIDE * TILE_M / 2, 1.0, SIDE * TILE_M / 2)
 EVERYWHERE_M = 100.0
-
-
-def land(
-    generation: int,
-    position: tuple[float, float, float] = CENTRE,
-    radius_m: float = EVERYWHERE_M,
-    **fields: object,
-) -> Land:
-    return Land(generation=generation, position=position, radius_m=radius_m, **fields)  # type: ignore[arg-type]
 
 
 def test_the_bytes_are_those_of_the_pack(server: BackgroundServer, grid: GridScene) -> None:
     with PlainClient(server.scene_url("grid")) as client:
         welcome = client.hello()
         assert welcome.scene.version == grid.manifest.version
-        client.send(land(7, radius_m=12.0))
+        client.land(7, CENTRE, 12.0)
         plan = client.expect(Plan)
-        ready, frames, others = client.until(Ready)
+        ready, pieces, others = client.until(Ready)
     assert others == []
-    received = assemble(frames)
-    ids = plan.load["id"].tolist()
-    assert list(received) == ids
+    received = assemble(pieces)
+    ids = follows(plan)
+    assert list(received) == ids == plan.show["id"].tolist()
     assert received == {segment: grid.payloads[segment] for segment in ids}
-    assert {frame.generation for frame in frames} == {7}
-    assert ready.payload_bytes == plan.load_bytes == sum(map(len, received.values()))
-    assert ready.missing.tolist() == []
+    assert {piece.generation for piece in pieces} == {7}
+    assert plan.show["bytes"].tolist() == [len(received[segment]) for segment in ids]
+    assert (ready.missing, ready.hidden) == (None, None)
+
+
+def test_a_return_brings_no_payload_and_hides_the_same_faces(
+    server: BackgroundServer, grid: GridScene
+) -> None:
+    with Scene.open(grid.path) as scene:
+        near = set(scene.within(CENTRE, 12.0).tolist())
+        cover = scene.cover
+        covered = [set(cover.over(face).tolist()) <= near for face in range(cover.base_faces)]
+    have: list[int] = []
+    for _ in range(2):  # the second on a new connection
+        with PlainClient(server.scene_url("grid")) as client:
+            assert client.hello().scene.base_faces == cover.base_faces
+            client.land(1, CENTRE, 12.0, have=have)
+            plan = client.expect(Plan)
+            client.until(Ready)
+            hidden = np.frombuffer(gzip.decompress(plan.hidden), np.uint8)
+            bits = np.unpackbits(hidden, bitorder="little")[: cover.base_faces]
+            assert set(plan.show["id"].tolist()) == near
+            assert bits.tolist() == covered
+            assert (client.taken_bytes > 0) == (not have)
+            have = plan.show["key"].tolist()
 
 
 def test_the_plan_equals_brute_force_over_random_landings(
@@ -67,105 +67,79 @@ def test_the_plan_equals_brute_force_over_random_landings(
     rng = random.Random(4)
     with Scene.open(grid.path) as scene:
         index = scene.index
-    held_ids: set[int] = set()
+    keys = index.xxh3.tolist()
+    have = set[int]()
     with PlainClient(server.scene_url("grid")) as client:
         client.hello(budgets=Budgets(max_triangles=8000))
         for generation in range(60):
             centre = (rng.uniform(-10, 70), rng.uniform(-5, 9), rng.uniform(-10, 70))
             radius_m = rng.choice([0.5, 5.0, 15.0, 30.0])
-            if rng.random() < 0.3 and held_ids:
-                gone = rng.sample(sorted(held_ids), k=rng.randint(1, len(held_ids)))
-                held_ids -= set(gone)
-                client.send(Evict(segments=np.array(gone, dtype=np.uint32)))
-            client.send(land(generation, centre, radius_m))
+            if rng.random() < 0.3:
+                have -= set(rng.sample(sorted(have), k=len(have) // 2))
+            client.land(generation, centre, radius_m, have=[keys[segment] for segment in have])
             plan = client.expect(Plan)
-            _, frames, _ = client.until(Ready)
+            _, pieces, _ = client.until(Ready)
             distances = box_distances_m(index.bounds, centre)
-            order = sorted(
-                (d, s)
-                for s, d in enumerate(distances.tolist())
-                if d <= radius_m or (s in held_ids and d <= radius_m * 1.25)
-            )
-            expected, nearby, triangles = [], [], 0
-            for distance_m, segment in order:
-                triangles += int(index.face_count[segment])
-                if triangles > 8000:
-                    break
-                (expected if distance_m <= radius_m else nearby).append(segment)
-            load = plan.load["id"].tolist()
-            assert load == [s for s in expected if s not in held_ids]
-            assert plan.keep.tolist() == sorted(s for s in expected if s in held_ids)
-            assert plan.nearby.tolist() == sorted(nearby)
-            assert sorted(assemble(frames)) == sorted(load)
-            held_ids |= set(load)
+            order = sorted((d, s) for s, d in enumerate(distances.tolist()) if d <= radius_m)
+            triangles = np.cumsum([int(index.face_count[segment]) for _, segment in order])
+            expected = [segment for _, segment in order][: int((triangles <= 8000).sum())]
+            assert plan.show["id"].tolist() == expected
+            assert plan.omitted == len(order) - len(expected)
+            assert follows(plan) == [segment for segment in expected if segment not in have]
+            assert list(assemble(pieces)) == follows(plan)
+            have |= set(expected)
 
 
-def test_resume_with_what_is_held(server: BackgroundServer, grid: GridScene) -> None:
-    with Scene.open(grid.path) as scene:
-        hashes = scene.index.xxh3
-    rows = [(segment, int(hashes[segment])) for segment in range(10)]
-    rows[3] = (3, rows[3][1] ^ 1)
-    with PlainClient(server.scene_url("grid")) as client:
-        welcome = client.hello(held=np.array(rows, dtype=HELD_DTYPE))
-        assert (welcome.held_count, welcome.dropped.tolist()) == (9, [3])
-        client.send(land(1))
-        plan = client.expect(Plan)
-        _, frames, _ = client.until(Ready)
-    assert plan.keep.tolist() == [0, 1, 2, 4, 5, 6, 7, 8, 9]
-    received = assemble(frames)
-    assert sorted(received) == [3, *range(10, 36)]
-
-
-def test_supersede_stops_within_the_frames_under_way(
+def test_a_newer_landing_stops_the_older_within_the_frames_under_way(
     server: BackgroundServer, big: GridScene
 ) -> None:
     with PlainClient(server.scene_url("big")) as client:
         client.hello(credit_bytes=400_000)
-        client.send(land(1))
-        old_plan = client.expect(Plan)
+        client.land(1, CENTRE, EVERYWHERE_M)
+        client.expect(Plan)
         first = [client.receive() for _ in range(2)]
-        client.send(land(2, (0.0, 0.0, 0.0), 1.0))
-        superseded, late, _ = client.until(Superseded)
+        client.land(2, (0.0, 0.0, 0.0), 1.0)
+        plan, late, _ = client.until(Plan)
         client.send(Credit(bytes=1 << 30))
-        plan = client.expect(Plan)
-        ready, frames, _ = client.until(Ready)
-    old = [frame for frame in [*first, *late] if isinstance(frame, PayloadFrame)]
-    old_bytes = sum(len(frame.chunk) for frame in old)
-    assert {frame.generation for frame in old} == {1}
-    assert old_bytes <= 400_000
-    assert superseded.unsent_bytes == old_plan.load_bytes - old_bytes
-    assert {frame.generation for frame in frames} == {2}
-    assert ready.payload_bytes <= plan.load_bytes < old_plan.load_bytes
+        _, pieces, _ = client.until(Ready)
+    old = [piece for piece in [*first, *late] if isinstance(piece, Piece)]
+    assert {piece.generation for piece in old} == {1}
+    assert sum(len(piece.data) for piece in old) <= 400_000
+    assert {piece.generation for piece in pieces} == {2}
+    assert {piece.segment for piece in pieces} == set(follows(plan))
 
 
-def test_supersede_of_a_fast_client_continues_partly_sent_segments(
+def test_landings_of_a_fast_client_continue_what_was_begun(
     server: BackgroundServer, big: GridScene
 ) -> None:
     rng = random.Random(1)
+    begun: tuple[int, bytearray] | None = None
+    whole: dict[int, bytes] = {}
+    keys: dict[int, int] = {}
     with PlainClient(server.scene_url("big"), max_queue=4) as client:
         client.hello()
-        payloads: dict[int, bytearray] = {}
-        held_payloads: dict[int, bytes] = {}
         for newest in range(1, 13):
-            client.send(land(newest, (rng.uniform(0, 60), 0.0, rng.uniform(0, 60)), 20.0))
+            place = (rng.uniform(0, 60), 0.0, rng.uniform(0, 60))
+            client.land(newest, place, 20.0, have=[keys[segment] for segment in whole])
             wait_for_ready = newest == 12
             frames_left = rng.randint(1, 12)
             while wait_for_ready or frames_left:
                 got = client.receive()
-                if isinstance(got, Plan):
-                    planned = set(got.load["id"].tolist())
-                    payloads = {s: p for s, p in payloads.items() if s in planned}
-                elif isinstance(got, PayloadFrame):
-                    payload = payloads.setdefault(got.segment, bytearray())
-                    assert got.offset == len(payload), "no byte twice, none left out"
-                    payload += got.chunk
+                if isinstance(got, Piece):
+                    if got.offset == 0:
+                        begun = (got.key, bytearray())
+                    assert begun is not None
+                    assert (got.key, got.offset) == (begun[0], len(begun[1]))
+                    begun[1].extend(got.data)
                     frames_left = max(0, frames_left - 1)
-                    if got.last:
-                        held_payloads[got.segment] = bytes(payloads.pop(got.segment))
+                    if len(begun[1]) == got.total:
+                        assert got.segment not in whole, "no payload twice"
+                        whole[got.segment] = bytes(begun[1])
+                        keys[got.segment], begun = got.key, None
                 elif isinstance(got, Ready) and got.generation == newest:
                     break
-    assert held_payloads
-    assert all(data == big.payloads[segment] for segment, data in held_payloads.items())
+    assert whole
+    assert all(data == big.payloads[segment] for segment, data in whole.items())
 
 
 def test_without_credit_nothing_comes_and_nobody_else_waits(
@@ -175,28 +149,15 @@ def test_without_credit_nothing_comes_and_nobody_else_waits(
     with PlainClient(url) as stalled, PlainClient(url) as other:
         stalled.hello(credit_bytes=1000)
         other.hello()
-        stalled.send(land(1))
+        stalled.land(1, CENTRE, EVERYWHERE_M)
         stalled.expect(Plan)
-        assert len(stalled.receive().chunk) == 1000  # type: ignore[union-attr]
-        other.send(land(1))
+        assert len(stalled.receive().data) == 1000  # type: ignore[union-attr]
+        other.land(1, CENTRE, EVERYWHERE_M)
         other.until(Ready)
         with pytest.raises(TimeoutError):
             stalled.receive(timeout_s=0.1)
         stalled.send(Credit(bytes=500))
-        assert len(stalled.receive().chunk) == 500  # type: ignore[union-attr]
-
-
-def test_the_deadline_brings_the_inner_set(server: BackgroundServer, big: GridScene) -> None:
-    with PlainClient(server.scene_url("big")) as client:
-        client.hello(credit_bytes=2_000_000)
-        client.send(land(1, inner_radius_m=1.0, deadline_ms=150))
-        plan = client.expect(Plan)
-        degraded, frames, _ = client.until(Degraded)
-        whole = {frame.segment for frame in frames if frame.last}
-        assert plan.inner_count == len(degraded.segments) == 4
-        assert set(degraded.segments.tolist()) <= whole
-        client.send(Credit(bytes=1 << 30))
-        client.until(Ready)
+        assert len(stalled.receive().data) == 500  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize(
@@ -236,7 +197,7 @@ def test_unknown_messages_and_fields_are_skipped(server: BackgroundServer) -> No
     with PlainClient(server.scene_url("grid")) as client:
         client.hello()
         client.socket.send(msgpack.packb({"type": "dance", "steps": [1, 2]}))
-        plain = msgpack.unpackb(encode(land(1, radius_m=1.0)))
+        plain = msgpack.unpackb(encode(make_land(1, CENTRE, 1.0)))
         client.socket.send(msgpack.packb({**plain, "shoes": "red"}))
         client.expect(Plan)
 
@@ -255,10 +216,10 @@ def test_pings_and_slow_reading_leave_the_stream_whole(
     with PlainClient(server.scene_url("big"), max_queue=1) as client:
         client.socket.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 14)
         client.hello()
-        client.send(land(1))
+        client.land(1, CENTRE, EVERYWHERE_M)
         frames, pongs = [], []
         while not isinstance(got := client.receive(), Ready):
-            if isinstance(got, PayloadFrame):
+            if isinstance(got, Piece):
                 frames.append(got)
                 if len(frames) % 5 == 0:
                     pongs.append(client.socket.ping())

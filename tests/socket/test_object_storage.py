@@ -17,13 +17,14 @@ import xxhash
 from eventually import eventually
 from s3_servers import Fault, FaultProxy, ProxiedRequest, s3_environment
 from server.grid_scene import SIDE, TILE_M, GridScene, write_grid_scene
-from server.plain_client import PlainClient, assemble
+from server.plain_client import Piece, PlainClient, assemble, follows
 
 from terraport_server import BackgroundServer
 from terraport_server.scenes.roots import ObjectRoot
 from terraport_store.origin import ObjectCounts, ObjectOptions, Origin
 from terraport_store.upload import upload_scene
-from terraport_wire import Credit, Land, Notice, PayloadFrame, Pick, Picked, Plan, Ready
+from terraport_wire import Credit, Notice, Pick, Picked
+from terraport_wire.protocol_2 import Plan, Ready
 
 CENTRE = (SIDE * TILE_M / 2, 1.0, SIDE * TILE_M / 2)
 EVERYWHERE_M = 100.0
@@ -111,10 +112,11 @@ def some(
 
 def land(
     client: PlainClient, generation: int = 1, radius_m: float = EVERYWHERE_M
-) -> tuple[Ready, dict[int, bytes]]:
-    client.send(Land(generation=generation, position=CENTRE, radius_m=radius_m))
-    ready, frames, _ = client.until(Ready)
-    return ready, assemble(frames)
+) -> tuple[list[int], dict[int, bytes]]:
+    """Land without anything; return what is missing and the payloads by segment."""
+    client.land(generation, CENTRE, radius_m)
+    ready, pieces, _ = client.until(Ready)
+    return client.missing(ready), assemble(pieces)
 
 
 def all_of(scene: GridScene) -> dict[int, bytes]:
@@ -131,8 +133,8 @@ def test_a_landing_brings_the_same_bytes_cold_warm_and_after_a_restart(
             for _ in range(2):
                 with PlainClient(server.scene_url("pit")) as client:
                     client.hello()
-                    ready, received = land(client)
-                assert ready.missing.tolist() == []
+                    missing, received = land(client)
+                assert missing == []
                 assert received == all_of(pit)
         reads = [request for request in proxy.of(".pack") if "/pit/" in request.path]
         # Headers of two packs as they are opened; then neighbours by few requests; warm: none.
@@ -192,8 +194,8 @@ def test_a_fault_that_passes_costs_time_only(
         client.hello()
         # Wrong bytes are asked for once more: twice wrong in a row would be a corrupt segment.
         proxy.rule = some(1 if fault.flip_at else 2, pack_of("pit", fault))
-        ready, received = land(client)
-        assert ready.missing.tolist() == []
+        missing, received = land(client)
+        assert missing == []
         assert received == all_of(scenes[0])
         seen = counts(server)
         assert (seen.wrong if fault.flip_at else seen.retries) >= 1
@@ -226,21 +228,20 @@ def test_a_fault_without_end_costs_its_own_scene_only(
         landing = pool.submit(land, client)
         while not any("/pit/" in request.path for request in proxy.of(".pack")[3:]):
             time.sleep(0.01)
-        ready, received = land(other)
+        missing, received = land(other)
         took_s = time.monotonic() - began_s
         assert received == all_of(scenes[1])
-        assert ready.missing.tolist() == []
+        assert missing == []
         assert took_s < 1.0
         assert not landing.done()
-        ready, received = landing.result(20)
+        missing, received = landing.result(20)
         assert time.monotonic() - began_s < 4.0 * TIMEOUT_S
         assert received == {}
-        assert ready.missing.tolist() == list(range(SIDE * SIDE))
+        assert missing == list(range(SIDE * SIDE))
         assert httpx.get(f"{server.url}/scenes/pit/segments/1.glb").status_code == 503
         proxy.rule = lambda _: None
         time.sleep(TIMEOUT_S / 4 + 0.05)
-        ready, received = land(client, 2)
-        assert received == all_of(scenes[0])
+        assert land(client, 2)[1] == all_of(scenes[0])
 
 
 def test_wrong_bytes_are_never_sent_or_kept(
@@ -249,8 +250,8 @@ def test_wrong_bytes_are_never_sent_or_kept(
     with serve(url, tmp_path) as server, PlainClient(server.scene_url("pit")) as client:
         client.hello()
         proxy.rule = pack_of("pit", Fault(flip_at=100))
-        ready, received = land(client)
-        missing = set(ready.missing.tolist())
+        lost, received = land(client)
+        missing = set(lost)
         assert missing
         # Neighbours in one answer are each judged by their own hash.
         assert received == {n: data for n, data in all_of(scenes[0]).items() if n not in missing}
@@ -284,8 +285,8 @@ def test_a_full_cache_disk_costs_nobody_a_segment(
             PlainClient(server.scene_url("pit")) as client,
         ):
             client.hello()
-            ready, received = land(client)
-            assert ready.missing.tolist() == []
+            missing, received = land(client)
+            assert missing == []
             assert received == all_of(scenes[0])
             assert counts(server).uncached > 0
     finally:
@@ -300,10 +301,10 @@ def test_the_bucket_is_gone(
         client.hello()
         _, near = land(client, 1, 8.0)
         proxy.rule = lambda _: Fault(status=404)
-        ready, received = land(client, 2)
-        missing = set(ready.missing.tolist())
-        assert missing.isdisjoint(near)
-        assert set(near) | set(received) | missing == set(range(SIDE * SIDE))
+        missing, received = land(client, 2)
+        assert set(missing).isdisjoint(near)
+        assert set(near) <= set(received)
+        assert set(received) | {*missing} == set(range(SIDE * SIDE))
         time.sleep(0.3)  # three looks at what is not there
         with PlainClient(server.scene_url("pit")) as late:
             late.hello()
@@ -318,21 +319,21 @@ def test_a_scene_republished_in_mid_landing(proxy: FaultProxy, tmp_path: Path) -
     upload_scene(first.path, url)
     with serve(url, tmp_path) as server, PlainClient(server.scene_url("own")) as client:
         welcome = client.hello(credit_bytes=20_000)
-        client.send(Land(generation=1, position=CENTRE, radius_m=EVERYWHERE_M))
+        client.land(1, CENTRE, EVERYWHERE_M)
         plan = client.expect(Plan)
         frames = []
-        while sum(len(frame.chunk) for frame in frames) < 20_000:
+        while client.taken_bytes < 20_000:
             got = client.receive()
-            assert isinstance(got, PayloadFrame)
+            assert isinstance(got, Piece)
             frames.append(got)
         second = write_grid_scene(tmp_path / "own", seed=1)
         upload_scene(second.path, url)
         _, more, _ = client.until(Notice)
         frames += more
         client.send(Credit(bytes=1 << 30))
-        ready, more, _ = client.until(Ready)
+        _, more, _ = client.until(Ready)
         frames += more
-        assert plan.load_bytes == ready.payload_bytes
+        assert len(follows(plan)) == SIDE * SIDE
         assert assemble(frames) == all_of(first)
         assert welcome.scene.version == first.manifest.version
         with PlainClient(server.scene_url("own")) as late:
@@ -364,7 +365,7 @@ def test_it_stops_in_bounded_time_whatever_storage_does(
         client = PlainClient(server.scene_url("pit"))
         client.hello()
         proxy.rule = pack_of("pit", Fault(status=503))
-        client.send(Land(generation=1, position=CENTRE, radius_m=EVERYWHERE_M))
+        client.land(1, CENTRE, EVERYWHERE_M)
         client.expect(Plan)
         eventually(lambda: counts(server).retries > 0)
         began_s = time.monotonic()

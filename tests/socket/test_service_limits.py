@@ -15,7 +15,8 @@ from terraport_server import BackgroundServer
 from terraport_server.auth.keys import TokenKey, write_keys
 from terraport_server.auth.tokens import make_token
 from terraport_server.logging import configure_logging, log
-from terraport_wire import Error, Land, Pick, Picked, Ready
+from terraport_wire import Error, Pick, Picked
+from terraport_wire.protocol_2 import Ready
 
 POSITION = (30.0, 50.0, 30.0)
 
@@ -36,7 +37,7 @@ def test_a_pick_beyond_its_time_fails_and_the_session_goes_on(folder: Path) -> N
         client.send(Pick(request=7, origin=POSITION))
         error = client.expect(Error)
         assert (error.code, error.fatal, error.request) == ("internal", False, 7)
-        client.send(Land(generation=1, position=POSITION, radius_m=60.0))
+        client.land(1, POSITION, 60.0)
         client.until(Ready)
 
 
@@ -110,7 +111,7 @@ def test_logs_as_json_are_one_object_a_line(
             PlainClient(server.scene_url("pit")) as client,
         ):
             welcome = client.hello()
-            client.send(Land(generation=3, position=POSITION, radius_m=60.0))
+            client.land(3, POSITION, 60.0)
             client.until(Ready)
         log("odd", text='quotes " and\nlines')
     finally:

@@ -21,7 +21,6 @@ from terraport_wire import (
     Join,
     Message,
     PullInfo,
-    Reject,
 )
 
 __all__ = [
@@ -204,8 +203,8 @@ class Observer:
     def credit_stalled(self, *, stalled: bool) -> None:
         """Record that payload began or ceased to wait for the client's credit."""
 
-    def rejected(self, message: Reject) -> None:
-        """Record a segment that the client could not use."""
+    def rejected(self, generation: int, rows: Sequence[int]) -> None:
+        """Record the payloads near a landing that the client cannot use."""
 
     def grouped(self, event: str) -> None:
         """Record the answer to a group request: ``join``, ``gather`` or ``refused``."""

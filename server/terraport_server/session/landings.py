@@ -156,6 +156,7 @@ class Landings:
             self._waiting_land = None
             ball, transfer = self._begin(land)
             self._landing = transfer
+            self._observer.rejected(land.generation, ball.left_out.tolist())
             follows = ~np.isin(self._table.hashes[ball.rows], land.have)
             plan = plan_of(
                 self._scene,

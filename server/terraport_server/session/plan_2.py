@@ -34,6 +34,8 @@ class Ball:
     omitted_by: str | None
     looked_at: int
     """Segments that were examined: the cost."""
+    left_out: Int64
+    """Rows that the client said it cannot use."""
 
 
 def table_of(scene: SceneView) -> SegmentTable:
@@ -88,9 +90,11 @@ def choose(
     segments = scene.within(centre, outer_m)
     distances = box_distances_m(table.bounds[segments], centre)
     rows = np.where(distances <= radius_m, segments, segments + table.segment_count)
+    left_out = rows[:0]
     if without is not None and len(without):
-        is_left = ~np.isin(table.hashes[rows], without)
-        rows, segments, distances = rows[is_left], segments[is_left], distances[is_left]
+        is_usable = ~np.isin(table.hashes[rows], without)
+        left_out = rows[~is_usable]
+        rows, segments, distances = rows[is_usable], segments[is_usable], distances[is_usable]
     order = np.lexsort((segments, distances))
     rows, distances = rows[order], distances[order]
     count, omitted_by = budget_prefix(table, rows, budgets)
@@ -102,6 +106,7 @@ def choose(
         omitted=omitted,
         omitted_by=omitted_by if omitted else None,
         looked_at=len(order),
+        left_out=left_out,
     )
 
 

@@ -516,7 +516,7 @@ class Transfers:
     def reject(self, reject: Reject, now_s: float) -> None:
         """Queue a rejected segment again, else report it as missing (6.4, rule 4)."""
         segment = reject.segment
-        self._observer.rejected(reject)
+        self._observer.rejected(reject.generation, [segment])
         self.held.discard(segment)
         self._waste_aimed([segment])
         landing, aiming = self._landing, self._aiming

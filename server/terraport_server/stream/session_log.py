@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Sequence
 from time import monotonic
 
 from terraport_server.client_key import client_key
@@ -12,7 +13,7 @@ from terraport_server.logging import OncePerMinute, log
 from terraport_server.metrics import Metrics
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.session.interface import Observer
-from terraport_wire import Error, ErrorCode, Reject
+from terraport_wire import Error, ErrorCode
 
 __all__ = ["SessionLog", "note_error"]
 
@@ -155,18 +156,21 @@ class SessionLog(Observer):
             self._stalled = stalled
             self._metrics.stalled.inc(1 if stalled else -1)
 
-    def rejected(self, message: Reject) -> None:
-        self._payloads.reject(message.segment, client_key(self._client_ip))
-        self._metrics.rejected_segments.inc()
+    def rejected(self, generation: int, rows: Sequence[int]) -> None:
+        if not rows:
+            return
+        for row in rows:
+            self._payloads.reject(row, client_key(self._client_ip))
+        self._metrics.rejected_segments.inc(len(rows))
         kind = (self._client_ip, "segment_rejected")
         if self._once.first(kind, asyncio.get_running_loop().time()):
             log(
                 "segment_rejected",
                 level=logging.WARNING,
-                landing=self._landing(message.generation),
+                landing=self._landing(generation),
                 scene=self._scene_id,
-                segment=message.segment,
-                reason=message.reason,
+                segment=rows[0],
+                reason="the client received it and cannot use it",
             )
 
     def refused(self, error: Error) -> None:

@@ -16,7 +16,7 @@ from terraport_wire.protocol_2 import COARSER, Frame, Land, Plan, Prefetch, Read
 
 
 @dataclass
-class Client2:
+class LandingClient:
     """What one client has and shows; ``have`` outlives a connection."""
 
     have: dict[int, bytes] = field(default_factory=dict)
