@@ -20,14 +20,14 @@
     sky.intensity = Math.PI;
     camera.position.set(24, 18, 26);
     camera.lookAt(0, 4, 0);
-    stage.setShading({});
-    stage.setSplit(null);
-    stage.setMode({ kind: "colour" });
-    stage.highlightRegion(null);
+    ground.setShading({});
+    ground.setSplit(null);
+    ground.setMode({ kind: "colour" });
+    ground.highlightRegion(null);
   };
   window.sky = scene.children.find((child) => child.isHemisphereLight);
   window.drawn = (points) => {
-    stage.update();
+    ground.update();
     camera.updateMatrixWorld();
     renderer.render(scene, camera);
     const gl = renderer.getContext();
@@ -67,11 +67,11 @@
       );
     return names.filter((own) => own.includes("pushM")).flat();
   };
-  window.ground = (x, z) => stage.groundAt(x, z, 100).position;
+  window.placeAt = (x, z) => ground.groundAt(x, z, 100).position;
   sun.shadow.mapSize.set(512, 512);
   sun.shadow.map.dispose();
   sun.shadow.map = null;
-  while (stage.busy) {
+  while (ground.busy) {
     drawn([]);
     await new Promise((resolve) => setTimeout(resolve, 20));
   }
@@ -80,9 +80,9 @@
   // Level ground in sight: of a segment in the east, of the base in the west.
   const eye = camera.position;
   const inSight = (x, z) => {
-    const { position, normal, segment } = stage.groundAt(x, z, 100);
+    const { position, normal, segment } = ground.groundAt(x, z, 100);
     const ray = new three.Vector3(...position).sub(eye);
-    const met = stage.cast(eye.toArray(), ray.toArray(), 100);
+    const met = ground.cast(eye.toArray(), ray.toArray(), 100);
     return normal[1] > 0.999 && Math.abs(met.distanceM - ray.length()) < 0.05 ? { position, segment } : null;
   };
   const places = [];

@@ -144,7 +144,7 @@ def test_frames_cost_little_while_a_landing_streams(
     viewer.run("() => { glWatch.uploads.length = 0; }")
     shown = viewer.land((0.0, 2.0, 0.0), 60.0)
     uploads = viewer.run("glWatch.uploads")
-    # By frame: bytes handed over. No frame takes all, none more than the bound of stage.ts.
+    # By frame: bytes handed over. No frame takes all, none more than the bound of terrain.ts.
     assert len([some for some in uploads if some > 0]) > 1
     assert max(uploads) <= 7 << 20
     assert sum(uploads) >= sum(entry["faces"] for entry in shown["plan"]["load"]) * 6

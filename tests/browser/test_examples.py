@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from browser.built_examples import EXAMPLES, built_examples
 from browser.small_scenes import SMALL
-from browser.watched_page import Watch
+from browser.watched_page import Watch, save_shot
 from faults.service import Service
 from playwright.sync_api import Page, Route, expect
 
@@ -23,13 +23,15 @@ from terraport_store.layout import OVERVIEW
 SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample_scene"
 
 _TEXT = "document.querySelector('terraport-scene').shadowRoot.querySelector('p').textContent"
+_SHOWN = "document.querySelector('terraport-scene').terrain.shownSegments.length"
 
 
 @pytest.fixture(scope="module")
 def example(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Origin of the built examples."""
     folder = tmp_path_factory.mktemp("examples")
-    with built_examples(folder, EXAMPLES / "element", EXAMPLES / "fiber") as origin:
+    examples = [EXAMPLES / name for name in ("element", "fiber", "three")]
+    with built_examples(folder, *examples) as origin:
         yield origin
 
 
@@ -106,7 +108,7 @@ def test_it_lands_where_it_is_told_and_where_one_clicks(
     assert host.screenshot() != before
     status = page.evaluate("document.querySelector('terraport-scene').land([5, 0, 5], 20)")
     assert (status["phase"], status["radiusM"]) == ("shown", 20)
-    visible = page.evaluate("document.querySelector('terraport-scene').stage.visible.length")
+    visible = page.evaluate(_SHOWN)
     assert visible > 0
     # A drag turns the view and lands nowhere; nothing is there to be met at the upper edge.
     page.evaluate("told.length = 0")
@@ -158,7 +160,7 @@ def test_it_says_what_it_cannot_do(
     assert "gold" in page.evaluate(_TEXT)
     assert "attribute:grade" in page.evaluate(_TEXT)
     page.evaluate(f"{host}.setAttribute('mode', 'attribute:grade')")
-    assert page.evaluate(f"{host}.stage.mode.name") == "grade"
+    assert page.evaluate(f"{host}.terrain.mode.name") == "grade"
     page.evaluate(f"{host}.setAttribute('at', 'here')")
     assert 'at="here"' in page.evaluate(_TEXT)
     rejected = page.evaluate(f"{host}.land([0, 0, 0], 1e5).catch((error) => error.code)")
@@ -176,13 +178,13 @@ def test_the_overview_is_there_before_the_base(page: Page, example: str, tmp_pat
         _opened(page, example, f"{running.url}/scenes/{SAMPLE.name}", at="0 3 0", radius="6")
         _told(page, "opened")
         page.wait_for_function(
-            "faces => document.querySelector('terraport-scene').stage.stats().visibleTriangles"
+            "faces => document.querySelector('terraport-scene').terrain.stats().visibleTriangles"
             " === faces",
             arg=overview_faces,
         )
         assert held_back
         page.wait_for_function(
-            "document.querySelector('terraport-scene').stage.status.readyMs !== null"
+            "document.querySelector('terraport-scene').terrain.status.readyMs !== null"
         )
         assert not page.evaluate("told.some(([name]) => name === 'landed')")
         for route in held_back:
@@ -206,7 +208,40 @@ def test_it_is_gone_when_it_is_taken_out(page: Page, example: str, service: Serv
             }"""
         )
         _told(page, "landed")
-    assert page.evaluate("document.querySelector('terraport-scene').stage.visible.length") > 0
+    assert page.evaluate(_SHOWN) > 0
+
+
+def test_the_example_of_three_js_lands_where_one_clicks(
+    page: Page, example: str, scenes: Path
+) -> None:
+    """One object: the base first, a landing in one frame, another at a double click, the end."""
+    with _serve(scenes, example) as service:
+        page.goto(f"{example}/three/?scene={service.url}/scenes/{SMALL}")
+        page.wait_for_function("window.ground !== undefined")
+        landed = page.evaluate("ground.land({ x: 0, y: 0, z: 0 }, 10)")
+        assert (landed["phase"], landed["position"], landed["missing"]) == ("shown", [0, 0, 0], [])
+        assert page.evaluate("ground.shownSegments.length") > 0
+        save_shot(page, "example-three")
+        height = page.evaluate("ground.heightAt(1, 2)")
+        picked = page.evaluate("ground.pick([1, 100, 2])")
+        assert abs(picked["position"][1] - height) < 0.01
+        page.evaluate(
+            "ground.addEventListener('landed', ({ status }) => { window.landed = status })"
+        )
+        box = page.locator("canvas").bounding_box()
+        assert box is not None
+        page.mouse.dblclick(box["width"] * 0.4, box["height"] * 0.7)
+        page.wait_for_function("window.landed?.landing === ground.status.landing")
+        assert page.evaluate("landed.position") != [0, 0, 0]
+        refused = page.evaluate("ground.land([0, 0, 0], 1e5).catch(({ code }) => code)")
+        assert refused == "radius_too_large"
+        superseded = page.evaluate(
+            "(() => { const first = ground.land([5, 0, 5], 20).catch(({ code }) => code);"
+            " ground.land([0, 0, 0], 10); return first })()"
+        )
+        assert superseded == "superseded"
+        page.evaluate("ground.dispose()")
+        assert page.evaluate("ground.parent") is None
 
 
 def test_the_example_of_react_three_fiber_lands(
@@ -217,8 +252,9 @@ def test_the_example_of_react_three_fiber_lands(
     watch.allow("THREE.Clock: This module has been deprecated")  # fiber's own
     with _serve(scenes, example) as service:
         page.goto(f"{example}/fiber/?scene={service.url}/scenes/{SMALL}")
-        page.wait_for_function("window.stage?.status.phase === 'shown'")
-        assert page.evaluate("stage.visible.length") > 0
+        page.wait_for_function("window.ground?.status.phase === 'shown'")
+        assert page.evaluate("ground.shownSegments.length") > 0
+        save_shot(page, "example-fiber")
 
 
 def test_the_example_of_babylon_lands_by_the_core_alone(page: Page, babylon: str) -> None:

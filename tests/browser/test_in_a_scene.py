@@ -54,7 +54,7 @@ def shown(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterato
         Service(folder / "scenes", allowed_origins=json.dumps([origin])) as service,
     ):
         page.goto(f"{origin}/sun/?scene={service.url}/scenes/{SAMPLE.name}")
-        page.wait_for_function("window.stage?.status.phase === 'shown'")
+        page.wait_for_function("window.ground?.status.phase === 'shown'")
         save_shot(page, "in-a-scene")
         page.evaluate(DRIVEN.read_text())
         yield page
@@ -101,7 +101,7 @@ def test_nothing_is_changed_where_nothing_is_set(shown: Page) -> None:
     # And costs nothing: the programs that drew it know of nothing else.
     for setting, found in (
         ("", set()),
-        ("stage.setShading(HAS_ALL)", {"ambientLightColor", "receiveShadow"}),
+        ("ground.setShading(HAS_ALL)", {"ambientLightColor", "receiveShadow"}),
     ):
         known = shown.evaluate(
             f"() => {{ plain(); sun.intensity = 9; {setting}; return uniformsOfGround() }}"
@@ -123,7 +123,7 @@ def test_fog_veils_it_by_its_depth(shown: Page) -> None:
         seen = drawn(shown, f"scene.fog = {fog}", DETAIL, BASE)
         assert_close(seen, (1 - veil) * plain + veil * np.array(SKY))
         left_out = drawn(
-            shown, f"scene.fog = {fog}; stage.setShading({{fog: false}})", DETAIL, BASE
+            shown, f"scene.fog = {fog}; ground.setShading({{fog: false}})", DETAIL, BASE
         )
         assert (left_out == plain).all()
 
@@ -134,7 +134,7 @@ def test_planes_cut_it(shown: Page) -> None:
     plane = "new three.Plane(new three.Vector3(1, 0, 0), 0)"  # keeps the east, where the detail is
     seen = drawn(shown, f"renderer.clippingPlanes = [{plane}]", DETAIL, BASE)
     assert_close(seen, [plain[0], NOTHING], 0)
-    own = f"stage.setShading({{clippingPlanes: [{plane}]}})"
+    own = f"ground.setShading({{clippingPlanes: [{plane}]}})"
     assert (drawn(shown, own, DETAIL, BASE) == plain).all()
     seen = drawn(shown, f"renderer.localClippingEnabled = true; {own}", DETAIL, BASE)
     assert_close(seen, [plain[0], NOTHING], 0)
@@ -143,7 +143,7 @@ def test_planes_cut_it(shown: Page) -> None:
     seen = drawn(
         shown,
         "renderer.localClippingEnabled = true;"
-        f"stage.setShading({{clippingPlanes: [{plane}, {other}], clipIntersection: true}})",
+        f"ground.setShading({{clippingPlanes: [{plane}, {other}], clipIntersection: true}})",
         DETAIL,
         BASE,
     )
@@ -155,7 +155,7 @@ def test_tones_and_colour_space_are_the_renderers(shown: Page) -> None:
     plain = drawn(shown, "", DETAIL, BASE)
     tone = "renderer.toneMapping = three.ACESFilmicToneMapping; renderer.toneMappingExposure = 0.5"
     assert_close(drawn(shown, tone, DETAIL, BASE), srgb(aces(linear(plain) / 2)))
-    left_out = tone + "; stage.setShading({toneMapped: false})"
+    left_out = tone + "; ground.setShading({toneMapped: false})"
     assert (drawn(shown, left_out, DETAIL, BASE) == plain).all()
     as_light = "renderer.outputColorSpace = three.LinearSRGBColorSpace"
     assert_close(drawn(shown, as_light, DETAIL, BASE), 255 * linear(plain))
@@ -177,7 +177,7 @@ def aces(light: Colours) -> Colours:
 def test_lights_light_it(shown: Page) -> None:
     """Sky and sun on matt ground: its photographs are the colours; in every mode."""
     plain = linear(drawn(shown, "", DETAIL, BASE))
-    lit = "stage.setShading({lit: true})"
+    lit = "ground.setShading({lit: true})"
     assert_close(drawn(shown, f"{lit}; sky.intensity = Math.PI / 2", DETAIL, BASE), srgb(plain / 2))
     # The sun is straight above, the ground nearly level.
     above = f"{lit}; sky.intensity = 0; sun.intensity = Math.PI / 2; sun.position.set(0, 50, 0)"
@@ -193,7 +193,7 @@ def test_lights_light_it(shown: Page) -> None:
     assert np.max(seen[1]) < 20
     for mode in ("regions", "slope", "segments"):
         night = drawn(
-            shown, f"stage.setMode({{kind: '{mode}'}}); {lit}; sky.intensity = 0", DETAIL, BASE
+            shown, f"ground.setMode({{kind: '{mode}'}}); {lit}; sky.intensity = 0", DETAIL, BASE
         )
         assert_close(night, 0, 0)
 
@@ -207,16 +207,16 @@ camera.position.set(16, 5, 10); camera.lookAt(6, 1, 2); box.position.set(6, 6, 2
 
 def test_shadows_fall_on_it(shown: Page) -> None:
     """Below a box half of the light is left, whether the photograph is lit or has its light."""
-    points = ("ground(6, 2)", "ground(6, 6)")
+    points = ("placeAt(6, 2)", "placeAt(6, 6)")
     view = SHADOWED + "; box.visible = false"
     plain = drawn(shown, view, *points)
-    unlit = drawn(shown, SHADOWED + "; stage.setShading({receiveShadow: true})", *points)
+    unlit = drawn(shown, SHADOWED + "; ground.setShading({receiveShadow: true})", *points)
     assert_close(unlit[0], srgb(linear(plain[0]) / 2), 8)
     assert_close(unlit[1], plain[1], 1)
-    lit = drawn(shown, SHADOWED + "; stage.setShading({lit: true, receiveShadow: true})", *points)
+    lit = drawn(shown, SHADOWED + "; ground.setShading({lit: true, receiveShadow: true})", *points)
     assert_close(lit[0], srgb(linear(plain[0])), 8)
     assert lit[1].mean() > lit[0].mean() + 15
-    not_received = drawn(shown, SHADOWED + "; stage.setShading({lit: true})", *points)
+    not_received = drawn(shown, SHADOWED + "; ground.setShading({lit: true})", *points)
     assert_close(not_received[1], lit[1], 1)
     assert not_received[0].mean() > lit[0].mean() + 15
 
@@ -238,10 +238,11 @@ def test_what_is_shown_of_it_casts_shadows(shown: Page) -> None:
     points = [f"[{x}, -40, {z}]" for x in (-9, -3, 3, 6, 9) for z in (-9, -3, 0, 3, 9)]
     lit = drawn(shown, SCREEN, *points)
     assert (lit > 250).all()
-    cast = "stage.setShading({castShadow: true})"
+    cast = "ground.setShading({castShadow: true})"
     assert (drawn(shown, SCREEN + cast, *points) == 0).all()
     # Pages are hidden: the light goes through where the base's faces are blanked, there alone.
-    hide = "for (const page of stage.object.children) if (page.name === 'page') page.visible = {}"
+    pages = "ground.children[0].children.filter((mesh) => mesh.name === 'page')"
+    hide = f"for (const page of {pages}) page.visible = {{}}"
     through = drawn(shown, SCREEN + cast + ";" + hide.format("false"), *points, "[6, -40, 0]")
     shown.evaluate(hide.format("true"))
     assert (through[-1] > 250).all()
@@ -251,20 +252,21 @@ def test_what_is_shown_of_it_casts_shadows(shown: Page) -> None:
     gaps = shown.evaluate(
         f"""async () => {{
           plain(); {SCREEN}; {cast};
-          stage.land([-6, 2, 4], 7);
+          ground.autoSwap = false;
+          ground.land([-6, 2, 4], 7);
           let gaps = 0;
-          for (let frames = 0; frames < 600 && stage.status.phase !== "shown"; frames += 1) {{
-            if (stage.status.phase === "presentable") stage.swap();
+          for (let frames = 0; frames < 600 && ground.status.phase !== "shown"; frames += 1) {{
+            if (ground.status.phase === "presentable") ground.swap();
             gaps += drawn([{",".join(points)}]).flat(2).filter((value) => value > 0).length;
             await new Promise((resolve) => setTimeout(resolve, 10));
           }}
-          const {{ phase }} = stage.status;
-          stage.land([6, 2, 0], 6);
-          while (stage.status.phase !== "presentable") {{
+          const {{ phase }} = ground.status;
+          ground.land([6, 2, 0], 6);
+          while (ground.status.phase !== "presentable") {{
             drawn([]);
             await new Promise((resolve) => setTimeout(resolve, 10));
           }}
-          stage.swap();
+          ground.swap();
           screen_.visible = false;
           return [phase, gaps];
         }}"""
@@ -277,12 +279,12 @@ def test_everything_at_once_in_every_look(shown: Page) -> None:
     everything = """
     scene.fog = new three.Fog(0xb9cdd8, 10, 60); renderer.toneMapping = three.ACESFilmicToneMapping;
     renderer.clippingPlanes = [new three.Plane(new three.Vector3(0, 0, -1), 8)];
-    box.visible = true; sun.intensity = 3; stage.setShading(HAS_ALL);
+    box.visible = true; sun.intensity = 3; ground.setShading(HAS_ALL);
     """
-    far, cut = "ground(-12, 2)", "ground(8, 10)"
+    far, cut = "placeAt(-12, 2)", "placeAt(8, 10)"
     for look in (
-        "stage.setMode({kind: 'regions'}); stage.highlightRegion(0)",
-        "stage.setMode({kind: 'slope'}); stage.setSplit(0.5); stage.markFresh()",
+        "ground.setMode({kind: 'regions'}); ground.highlightRegion(0)",
+        "ground.setMode({kind: 'slope'}); ground.setSplit(0.5); ground.markFresh()",
     ):
         bare = drawn(shown, look, far, DETAIL)
         seen = drawn(shown, f"{everything}; {look}", far, cut, DETAIL)

@@ -121,10 +121,10 @@ test("it comes with a reference of every export, made of the declarations", () =
       ([, name]) => name!,
     );
   expect(named("core")).toEqual(expect.arrayContaining(["openStream", "Residency", "SceneFiles", "StreamEvent"]));
-  expect(named("three")).toEqual(expect.arrayContaining(["Stage", "standNear", "ViewMode"]));
+  expect(named("three")).toEqual(expect.arrayContaining(["Terrain", "standNear", "ViewMode"]));
   expect(named("element")).toEqual(["TerraportScene", "TerraportSceneEventMap"]);
   // Nothing that whoever installs it cannot reach, and the comment of what he can.
   const three = readFileSync(join(packed, "reference", "three.md"), "utf8");
   expect(three).not.toMatch(/#private|private /);
-  expect(three).toContain("Show the presentable set: flags only.");
+  expect(three).toContain("Show the landing that is presentable, in this frame: flags only.");
 });

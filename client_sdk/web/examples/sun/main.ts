@@ -1,5 +1,4 @@
-import { loadSceneInWorker, openStream } from "@terraport/client/core";
-import { Stage } from "@terraport/client/three";
+import { Terrain } from "@terraport/client/three";
 import * as three from "three";
 
 const sceneUrl = new URLSearchParams(location.search).get("scene") ?? "http://127.0.0.1:8080/scenes/sample";
@@ -23,19 +22,18 @@ box.castShadow = true;
 box.receiveShadow = true;
 scene.add(sun, new three.HemisphereLight(0xdfeaff, 0x8f8272, 2), box);
 
-const files = await loadSceneInWorker(sceneUrl);
-const stream = openStream({ sceneUrl, budgets: { maxTriangles: 2_000_000 }, cacheBytes: 1 << 27 });
-const stage = new Stage({ renderer, stream, files, shading: { lit: true, receiveShadow: true, castShadow: true } });
-stream.onEvent = (event) => stage.handle(event);
-scene.add(stage.object);
-stage.land([6, 2, 0], 6);
+const ground = await Terrain.open(sceneUrl, {
+  renderer,
+  shading: { lit: true, receiveShadow: true, castShadow: true },
+});
+scene.add(ground);
+ground.land([6, 2, 0], 6);
 
 const camera = new three.PerspectiveCamera(50, innerWidth / innerHeight, 0.1, 500);
 camera.position.set(24, 18, 26);
 camera.lookAt(0, 4, 0);
 renderer.setAnimationLoop(() => {
-  if (stage.status.phase === "presentable") stage.swap();
-  stage.update();
+  ground.update();
   renderer.render(scene, camera);
 });
-Object.assign(window, { three, renderer, scene, camera, sun, box, stage }); // To look at from the console.
+Object.assign(window, { three, renderer, scene, camera, sun, box, ground }); // To look at from the console.

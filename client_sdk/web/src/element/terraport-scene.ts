@@ -1,9 +1,11 @@
 /** `<terraport-scene src token at radius mode>`: a scene in any page, walked by clicks. */
 
-import { budgetsFor, loadSceneInWorker, StreamError } from "../core/index.ts";
-import type { LandOptions, SceneFiles, SceneManifest, Token, Vec3 } from "../core/types.ts";
-import type { LandingStatus, Stage } from "../three/index.ts";
-import { ShownScene } from "./shown-scene.ts";
+import { Vector3 } from "three";
+
+import { StreamError } from "../core/scene/errors.ts";
+import type { SceneManifest, Vec3 } from "../core/types.ts";
+import { type LandingStatus, Terrain, type TerrainIntersection, type TerrainLandOptions } from "../three/index.ts";
+import { SceneView } from "./scene-view.ts";
 
 /** Events of the element: none of them bubbles. */
 export interface TerraportSceneEventMap {
@@ -50,9 +52,11 @@ export class TerraportScene extends HTMLElement {
   readonly #root: ShadowRoot;
   readonly #sizes: ResizeObserver;
   readonly #sight: IntersectionObserver;
-  #shown: ShownScene | null = null;
-  #manifest: SceneManifest | null = null;
+  #view: SceneView | null = null;
+  #terrain: Terrain | null = null;
   #opening: AbortController | null = null;
+  /** Landing that the camera moves to once it is shown; null where it stays. */
+  #goesTo: number | null = null;
   #remarkTimer: number | null = null;
   #tokenSource: (() => string | Promise<string>) | null = null;
 
@@ -66,20 +70,20 @@ export class TerraportScene extends HTMLElement {
     this.#status.part.add("status");
     this.#status.setAttribute("role", "status");
     this.#root.append(this.#status);
-    this.#sizes = new ResizeObserver(() => this.#shown?.resize());
+    this.#sizes = new ResizeObserver(() => this.#view?.resize());
     this.#sight = new IntersectionObserver((entries) => {
-      if (this.#shown !== null) this.#shown.isSeen = entries.at(-1)?.isIntersecting ?? true;
+      if (this.#view !== null) this.#view.isSeen = entries.at(-1)?.isIntersecting ?? true;
     });
   }
 
-  /** What is drawn; null until the scene is open. */
-  get stage(): Stage | null {
-    return this.#shown?.stage ?? null;
+  /** The ground, for everything that this element has no attribute for; null until the scene is open. */
+  get terrain(): Terrain | null {
+    return this.#terrain;
   }
 
   /** What is known of the scene; null until it is open. */
   get manifest(): SceneManifest | null {
-    return this.#manifest;
+    return this.#terrain?.files.manifest ?? null;
   }
 
   /**
@@ -97,13 +101,17 @@ export class TerraportScene extends HTMLElement {
   }
 
   /**
-   * Land, and look there. Resolves when it is shown whole; rejects with StreamError where the scene is not open, the landing
-   * is refused or superseded, or there is no link for 15 s; throws RangeError on numbers that cannot be.
+   * Land, and look there. The promise is fulfilled when it is shown whole. It is rejected with a StreamError where the scene is
+   * not open, where the landing is refused or superseded, or where there is no connection for 15 s; with a RangeError on
+   * numbers that the protocol does not allow.
    */
-  async land(position: Vec3, radiusM?: number, options?: LandOptions): Promise<LandingStatus> {
-    const shown = this.#shown;
-    if (shown === null) throw new StreamError("closed", "the scene is not open yet: wait for the event `opened`");
-    return shown.land(position, radiusM ?? shown.radiusM, options);
+  async land(position: Vec3, radiusM?: number, options?: TerrainLandOptions): Promise<LandingStatus> {
+    const terrain = this.#terrain;
+    if (terrain === null) throw new StreamError("closed", "the scene is not open yet: wait for the event `opened`");
+    const landing = terrain.land(position, radiusM ?? this.#radiusM ?? terrain.defaultRadiusM, options);
+    this.#goesTo = terrain.status.landing;
+    this.#view?.draw();
+    return landing;
   }
 
   connectedCallback(): void {
@@ -135,106 +143,86 @@ export class TerraportScene extends HTMLElement {
     const opening = new AbortController();
     this.#opening = opening;
     const { signal } = opening;
-    const token: Token | undefined = this.#tokenSource ?? this.getAttribute("token") ?? undefined;
-    const loadFiles = async (version?: string, onOverview?: (files: SceneFiles) => void) =>
-      loadSceneInWorker(src, {
-        token: typeof token === "function" ? await token() : token,
-        version,
+    this.#say("Opening");
+    let view: SceneView;
+    try {
+      view = new SceneView((hit) => this.#click(hit));
+    } catch (error) {
+      this.#fail(new StreamError("no_webgl", String(error)));
+      return;
+    }
+    this.#view = view;
+    const token = this.#tokenSource ?? this.getAttribute("token");
+    try {
+      const terrain = await Terrain.open(src, {
+        renderer: view.renderer,
+        ...(token !== null && { token }),
         signal,
-        onOverview,
         onProgress: (done, total) => {
-          if (this.#shown === null) this.#say(`Opening: ${Math.round((100 * done) / Math.max(1, total))} %`);
+          if (this.#terrain === null) this.#say(`Opening: ${Math.round((100 * done) / Math.max(1, total))} %`);
         },
       });
-    this.#say("Opening");
-    const show = (files: SceneFiles): void => {
-      if (signal.aborted) return;
-      try {
-        this.#show(src, token, files, loadFiles);
-      } catch (error) {
-        opening.abort();
-        this.#clear();
-        this.#fail(new StreamError("no_webgl", String(error)));
-      }
-    };
-    try {
-      // The overview first, where the scene has one: the base takes its place, and a landing asked for meanwhile goes on.
-      const files = await loadFiles(undefined, show);
-      // Published anew in between: its base does not belong to the overview that is shown.
-      if (!signal.aborted && this.#shown?.complete(files) !== true) show(files);
+      if (signal.aborted) terrain.dispose();
+      else this.#show(view, terrain);
     } catch (error) {
       if (signal.aborted) return;
-      this.#clear();
+      this.#close();
       this.#fail(error instanceof StreamError ? error : new StreamError("worker_failed", String(error)));
     }
   }
 
-  /** Show a scene, in the place of what is shown. Throws where the browser has no WebGL 2. */
-  #show(
-    src: string,
-    token: Token | undefined,
-    files: SceneFiles,
-    loadFiles: (version: string) => Promise<SceneFiles>,
-  ): void {
-    this.#clear();
-    const canvas = document.createElement("canvas");
+  #show(view: SceneView, terrain: Terrain): void {
+    this.#terrain = terrain;
+    const { canvas } = view;
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "application");
-    canvas.setAttribute("aria-label", `Ground of ${files.manifest.name}`);
+    canvas.setAttribute("aria-label", `Ground of ${terrain.files.manifest.name}`);
     canvas.part.add("canvas");
     this.#root.prepend(canvas);
-    this.#manifest = files.manifest;
-    this.#shown = new ShownScene(
-      {
-        canvas,
-        sceneUrl: src,
-        token,
-        files,
-        budgets: budgetsFor(matchMedia("(pointer: coarse)").matches ? "phone" : "desktop"),
-        loadFiles,
-        isStill: () => matchMedia("(prefers-reduced-motion: reduce)").matches,
-        radiusM: () => this.#radiusM,
-      },
-      {
-        link: (link) => {
-          if (link.state === "open") this.#say("");
-          else if (link.state === "waiting") this.#say("No connection: trying again");
-          else if (link.state === "closed") this.#fail(new StreamError(link.code, link.message));
-        },
-        landing: ({ phase, fraction }) => {
-          if (phase === "planning" || phase === "streaming") this.#say(`Landing: ${Math.round(100 * fraction)} %`);
-          else this.#say("");
-        },
-        landed: (status) => this.dispatchEvent(new CustomEvent("landed", { detail: status })),
-        refused: (code, message) => this.#fail(new StreamError(code, message)),
-        missed: () => this.#remark("There is no ground. Click where you want to land."),
-      },
+    terrain.addEventListener("link", ({ link }) => {
+      if (link.state === "open") this.#say("");
+      else if (link.state === "waiting") this.#say("No connection: trying again");
+    });
+    terrain.addEventListener("landing", ({ status: { phase, fraction } }) => {
+      if (phase === "planning" || phase === "streaming") this.#say(`Landing: ${Math.round(100 * fraction)} %`);
+      else this.#say("");
+    });
+    terrain.addEventListener("swapped", ({ report: { landing } }) => {
+      terrain.markFresh();
+      if (landing !== this.#goesTo) return;
+      this.#goesTo = null;
+      view.flyTo(new Vector3(...terrain.status.position), terrain.status.radiusM);
+    });
+    terrain.addEventListener("landed", ({ status }) =>
+      this.dispatchEvent(new CustomEvent("landed", { detail: status })),
     );
+    terrain.addEventListener("failed", ({ error }) => this.#fail(error));
+    view.show(terrain);
     this.#say("");
     this.#setMode();
-    this.dispatchEvent(new CustomEvent("opened", { detail: this.#manifest }));
+    this.dispatchEvent(new CustomEvent("opened", { detail: terrain.files.manifest }));
     this.#landAt();
+  }
+
+  #click(hit: TerrainIntersection | null): void {
+    if (hit === null) this.#remark("There is no ground. Click where you want to land.");
+    else this.land(hit.ground.position).catch(() => undefined); // Reported by the events.
   }
 
   #close(): void {
     this.#forget();
     this.#opening?.abort();
     this.#opening = null;
-    this.#clear();
-  }
-
-  /** Take away what is shown. */
-  #clear(): void {
-    this.#shown?.dispose();
-    this.#shown = null;
-    this.#manifest = null;
-    this.#root.querySelector("canvas")?.remove();
+    this.#terrain?.dispose();
+    this.#terrain = null;
+    this.#view?.dispose();
+    this.#view = null;
   }
 
   /** Land where the attribute `at` says. */
   #landAt(): void {
     const text = this.getAttribute("at");
-    if (text === null || this.#shown === null) return;
+    if (text === null || this.#terrain === null) return;
     const place = text
       .trim()
       .split(/[\s,]+/)
@@ -243,19 +231,19 @@ export class TerraportScene extends HTMLElement {
       this.#fail(new StreamError("invalid_attribute", `received at="${text}", expected three numbers: x y z, metres`));
       return;
     }
-    this.land([place[0]!, place[1]!, place[2]!]).catch(() => undefined); // Told by the events.
+    this.land([place[0]!, place[1]!, place[2]!]).catch(() => undefined); // Reported by the events.
   }
 
   #setMode(): void {
     const key = this.getAttribute("mode");
-    if (this.#shown === null) return;
+    if (this.#terrain === null) return;
     try {
-      this.#shown.stage.setMode(key ?? "colour");
+      this.#terrain.setMode(key ?? "colour");
     } catch (error) {
       this.#fail(new StreamError("invalid_attribute", `attribute mode: ${(error as Error).message}`));
       return;
     }
-    this.#shown.draw();
+    this.#view?.draw();
   }
 
   /** The attribute; null where it is left to the scene, or says nothing that can be. */
@@ -276,7 +264,7 @@ export class TerraportScene extends HTMLElement {
     this.#remarkTimer = window.setTimeout(() => {
       this.#forget();
       // What keeps the scene from being shown stays.
-      if (this.#shown !== null) this.#say("");
+      if (this.#terrain !== null) this.#say("");
     }, REMARK_MS);
   }
 

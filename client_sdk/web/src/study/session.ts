@@ -96,7 +96,7 @@ export async function openSession(shell: Shell, settings: StudySettings, root: H
       if (waitedFrames !== null && status.phase === "presentable") stage.swap();
       waitedFrames = stage.status.phase === "shown" || waitedFrames === null ? null : waitedFrames + 1;
       if (waitedFrames === null || waitedFrames > MAX_WAIT_FRAMES)
-        waitedFrames = follower.follow(view, stage.visible, errorOptions(view)) ? 0 : waitedFrames;
+        waitedFrames = follower.follow(view, stage.shownSegments, errorOptions(view)) ? 0 : waitedFrames;
     } else {
       waitedFrames = null;
     }
@@ -105,7 +105,7 @@ export async function openSession(shell: Shell, settings: StudySettings, root: H
       const { landing, position, radiusM: landedRadiusM } = status;
       const now = { landing, isShown, position, radiusM: landedRadiusM };
       const factsOf = (segment: number) => follower.factsOf(segment);
-      log.frame(nowMs(), timeMs - lastFrameMs, headOf(camera), view, stage.visible, now, factsOf);
+      log.frame(nowMs(), timeMs - lastFrameMs, headOf(camera), view, stage.shownSegments, now, factsOf);
     }
     lastFrameMs = timeMs;
   }

@@ -1,12 +1,16 @@
-/**
- * `@terraport/client/three`: a scene drawn by three.js, in an application of one's own.
- *
- * {@link Stage} is an object to add, a handler of the stream's events, and two calls a frame (`update`, and `swap` when its
- * status is presentable).
- */
+/** `@terraport/client/three`: {@link Terrain}, a scene as an object of three.js. */
 
 export { isBuried, judgeFooting, newStand, standNear } from "./footing.ts";
 export { type Gain, pointSpacingM } from "./gain.ts";
 export type { Shading } from "./ground-shading.ts";
-export { Stage, type StageOptions, type Theme } from "./stage.ts";
+export type { Theme } from "./stage-looks.ts";
+export {
+  deviceClass,
+  type Place,
+  Terrain,
+  type TerrainEventMap,
+  type TerrainIntersection,
+  type TerrainOpenOptions,
+  type TerrainOptions,
+} from "./terrain.ts";
 export type * from "./types.ts";

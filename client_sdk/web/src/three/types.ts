@@ -110,15 +110,22 @@ export interface StageStats {
 
 /**
  * What is visible, as a value: equal strings mean the same segments and the same hidden base faces. Changes only in
- * `Stage.swap` (and when a new scene version is opened).
+ * `Terrain.swap` (and when a new scene version is opened).
  */
 export type VisibleDigest = string;
 
-/** The part of Stage that the headset and the page use to land. */
+/** Options of one landing. What is left out is as suits the device and the scene. */
+export interface TerrainLandOptions extends Omit<LandOptions, "coarseRadiusM"> {
+  /** Beyond the radius, up to here, the coarser level is shown, where the scene has one; null for none. */
+  readonly coarseRadiusM?: number | null;
+}
+
+/** The part of a terrain that the headset and the page use to land. */
 export interface Landings {
+  /** Of the newest landing: that of `land` as soon as it was called. */
   readonly status: LandingStatus;
-  land(position: Vec3, radiusM: number, options?: LandOptions): number;
-  aim(position: Vec3, radiusM: number, coarseRadiusM?: number): void;
+  land(position: Vec3, radiusM: number, options?: TerrainLandOptions): Promise<LandingStatus>;
+  prefetch(position: Vec3, radiusM: number, coarseRadiusM?: number): void;
   /** Show the presentable set: visibility flags only, within one frame. Null where nothing is presentable. */
   swap(): SwapReport | null;
   /** First point of what is shown along a ray. `direction` need not be a unit vector. */

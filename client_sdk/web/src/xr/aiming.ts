@@ -77,7 +77,7 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
     }
     sentPosition = position;
     sentMs = nowMs;
-    landings.aim(position, radiusM());
+    landings.prefetch(position, radiusM());
   };
   return {
     objects: [ribbon.object, ring.object],

@@ -120,7 +120,8 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
 
   const land = (target: Target): void => {
     const landOptions = options.landOptions?.();
-    const landing = landings.land(target.position, options.radiusM(), landOptions);
+    void landings.land(target.position, options.radiusM(), landOptions);
+    const { landing } = landings.status;
     knownLanding = landing;
     refusedUntilMs = 0;
     commit(teleport, landing, target);

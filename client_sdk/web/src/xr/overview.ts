@@ -142,7 +142,7 @@ export function createOverview(
       if (hit === null) return false;
       heldBy = pointer.key;
       // While he looks whether it is the right place, what it needs is on its way.
-      landings.aim(hit.position, radiusM());
+      landings.prefetch(hit.position, radiusM());
       return true;
     },
     release(pointer) {

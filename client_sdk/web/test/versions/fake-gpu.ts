@@ -1,6 +1,6 @@
 /** A graphics device that keeps what is written to it: what is drawn can be read back without one. */
 
-import { type GLBufferAttribute, type Group, Mesh, PerspectiveCamera, type WebGLRenderer } from "three";
+import { type GLBufferAttribute, type Group, Mesh, type Object3D, PerspectiveCamera, type WebGLRenderer } from "three";
 
 import { PageMesh } from "../../src/three/page.ts";
 
@@ -149,6 +149,7 @@ export function fakeRenderer(): WebGLRenderer {
       },
     },
     xr: { isPresenting: false },
+    domElement: new EventTarget(),
     compileAsync: async () => undefined,
   };
   return renderer as unknown as WebGLRenderer;
@@ -167,7 +168,8 @@ export interface DrawnMesh {
 
 /** What a stage draws in the next frame, to a camera that sees all of it: what is switched on, and has faces to draw. */
 export function drawnMeshes(object: Group): DrawnMesh[] {
-  const meshes = object.children.filter((child) => child instanceof Mesh && child.visible);
+  const meshes: Object3D[] = [];
+  object.traverseVisible((child) => child instanceof Mesh && meshes.push(child));
   return meshes.flatMap((child) => {
     const { name, geometry } = child as Mesh;
     const index = valuesOf(geometry.index as unknown as GLBufferAttribute);

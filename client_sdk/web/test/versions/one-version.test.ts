@@ -10,7 +10,7 @@ import { type StreamListeners, watchStream } from "../../src/app/viewer/stream-w
 import { prepareHash } from "../../src/core/payload/hash.ts";
 import { loadScene } from "../../src/core/scene/load.ts";
 import type { AttributeScale, MeshData, SceneFiles, Stream, StreamEvent, Vec3 } from "../../src/core/types.ts";
-import { Stage } from "../../src/three/stage.ts";
+import { Terrain } from "../../src/three/terrain.ts";
 import { random as seeded } from "../random.ts";
 import { drawnMeshes, FakeContext, fakeRenderer } from "./fake-gpu.ts";
 import { type Answering, fetchOf, filesOfVersion, SCENE_URL, VERSIONED_FILES, versionText } from "./published-scene.ts";
@@ -179,7 +179,7 @@ it.each(Array.from({ length: 60 }, (_, seed) => seed))("no order shows a mix (se
 
 /** A page that shows the scene: every frame is compared with all versions. */
 class Page {
-  readonly stage: Stage;
+  readonly stage: Terrain;
   /** Version of the session. */
   session = 0;
   /** Versions whose files are on their way. */
@@ -208,7 +208,7 @@ class Page {
       stats: () => new Promise(() => undefined),
     } as unknown as Stream;
     const files = references.get(version)!;
-    this.stage = new Stage({ renderer: fakeRenderer(), stream: this.#stream, files, uploadBudgetMs: 1e6 });
+    this.stage = new Terrain({ renderer: fakeRenderer(), stream: this.#stream, files, uploadBudgetMs: 1e6 });
     const state = { maxRadiusM: 100, radiusM: 10 };
     this.#handle = watchStream({
       stage: this.stage,
@@ -241,7 +241,8 @@ class Page {
 
   /** A landing of the session's version, planned and ready at once. */
   land(segments: readonly number[]): void {
-    const landing = this.stage.land(ORIGIN, 10);
+    void this.stage.land(ORIGIN, 10);
+    const { landing } = this.stage.status;
     const facts = segments.map((segment) => ({
       segment,
       length: 1,
@@ -291,7 +292,7 @@ class Page {
 
   /** The version that is drawn, and its segments; throws where what is drawn is no picture of any version. */
   drawn(): { version: number; segments: number[] } | null {
-    const meshes = drawnMeshes(this.stage.object);
+    const meshes = drawnMeshes(this.stage);
     const base = meshes.find(({ name }) => name === "base");
     const details = meshes
       .filter((mesh) => mesh !== base)

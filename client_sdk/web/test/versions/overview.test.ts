@@ -4,7 +4,7 @@ import { afterEach, beforeAll, beforeEach, expect, it, vi } from "vitest";
 import { prepareHash } from "../../src/core/payload/hash.ts";
 import { loadScene } from "../../src/core/scene/load.ts";
 import type { MeshData, SceneFiles, Stream } from "../../src/core/types.ts";
-import { Stage } from "../../src/three/stage.ts";
+import { Terrain } from "../../src/three/terrain.ts";
 import { drawnMeshes, FakeContext, fakeRenderer } from "./fake-gpu.ts";
 import { fetchOf, filesOfVersion, SCENE_URL, versionText } from "./published-scene.ts";
 
@@ -33,10 +33,10 @@ function overviewOf(whole: SceneFiles): SceneFiles {
   return { ...whole, base, cover, isOverview: true };
 }
 
-function begun(first: SceneFiles): Stage {
+function begun(first: SceneFiles): Terrain {
   const mesh = (segment: number): MeshData => ({ ...files.base, segment, image: null });
   const stream = { land: () => 1, aim: () => undefined, mesh: async (segment: number) => mesh(segment) };
-  const stage = new Stage({ renderer: fakeRenderer(), stream: stream as unknown as Stream, files: first });
+  const stage = new Terrain({ renderer: fakeRenderer(), stream: stream as unknown as Stream, files: first });
   stage.handle({
     type: "opened",
     sceneVersion: versionText(1),
@@ -49,17 +49,18 @@ function begun(first: SceneFiles): Stage {
 }
 
 /** Faces of the base meshes that the frame draws, and the segments. */
-async function frame(stage: Stage): Promise<{ bases: number[]; segments: number }> {
+async function frame(stage: Terrain): Promise<{ bases: number[]; segments: number }> {
   stage.update();
   stage.swap();
   await new Promise(setImmediate);
-  const meshes = drawnMeshes(stage.object);
+  const meshes = drawnMeshes(stage);
   const bases = meshes.filter(({ name }) => name === "base").map(({ faces }) => faces.length);
   return { bases, segments: meshes.length - bases.length };
 }
 
-function landAtAll(stage: Stage): void {
-  const landing = stage.land([0, 0, 0], 10);
+function landAtAll(stage: Terrain): void {
+  void stage.land([0, 0, 0], 10);
+  const { landing } = stage.status;
   const visible = Array.from({ length: files.manifest.segmentCount }, (_, segment) => segment);
   const load = visible.map((segment) => ({
     segment,

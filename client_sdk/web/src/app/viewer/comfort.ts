@@ -5,7 +5,7 @@
  * in every frame.
  */
 
-import type { Stage } from "../../three/stage.ts";
+import type { Terrain } from "../../three/terrain.ts";
 import type { Landings, SwapReport } from "../../three/types.ts";
 import { coarseRadiusIn } from "./land-options.ts";
 import type { ViewerStore } from "./state.ts";
@@ -21,7 +21,7 @@ export interface ComfortWatch {
 }
 
 /** Watch a stage. `onSwap` is called after every one that changed something. */
-export function watchComfort(stage: Stage, store: ViewerStore, onSwap: (report: SwapReport) => void): ComfortWatch {
+export function watchComfort(stage: Terrain, store: ViewerStore, onSwap: (report: SwapReport) => void): ComfortWatch {
   let digest = stage.visibleDigest();
 
   return {
@@ -33,7 +33,7 @@ export function watchComfort(stage: Stage, store: ViewerStore, onSwap: (report: 
         return stage.bounds;
       },
       land: (position, radiusM, options) => stage.land(position, radiusM, options),
-      aim: (position, radiusM) => stage.aim(position, radiusM, coarseRadiusIn(store.get(), radiusM)),
+      prefetch: (position, radiusM) => stage.prefetch(position, radiusM, coarseRadiusIn(store.get(), radiusM)),
       cast: (origin, direction, maxDistanceM) => stage.cast(origin, direction, maxDistanceM),
       groundAt: (x, z, fromY) => stage.groundAt(x, z, fromY),
       swap() {

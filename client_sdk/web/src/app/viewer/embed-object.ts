@@ -2,8 +2,8 @@
 
 import { version } from "../../../package.json";
 import type { RegionFacts } from "../../core/types.ts";
-import type { Stage } from "../../three/stage.ts";
-import type { GroundHit, LandingStatus } from "../../three/types.ts";
+import type { Terrain } from "../../three/terrain.ts";
+import type { GroundHit } from "../../three/types.ts";
 import { modeFrom } from "../../three/view-modes.ts";
 import type { CameraDesk, Ray } from "./camera-desk.ts";
 import { readDiagnostics } from "./diagnostics.ts";
@@ -20,7 +20,7 @@ import type { World } from "./world.ts";
 export interface EmbedSources {
   readonly store: ViewerStore;
   readonly regions: readonly RegionFacts[];
-  readonly stage: Stage;
+  readonly stage: Terrain;
   readonly world: World;
   readonly camera: CameraDesk;
   readonly desk: LandingDesk;
@@ -36,9 +36,6 @@ export interface EmbedSources {
   nextFrame(): Promise<void>;
 }
 
-/** A link may be down for so long before whoever waits for a landing is told. */
-const LINK_PATIENCE_MS = 15_000;
-
 /** Build the object; it is the viewer that makes it global, and takes it away. */
 export function createEmbed(sources: EmbedSources): Embed {
   const { store, stage, world, camera, desk, going, notices, headset, listeners, loop } = sources;
@@ -49,7 +46,7 @@ export function createEmbed(sources: EmbedSources): Embed {
       renderer: world.renderer,
       state: store.get(),
       stats: stage.stats(),
-      visible: stage.visible,
+      visible: stage.shownSegments,
       visibleDigest: stage.visibleDigest(),
       frameTimes,
       notices: notices.current,
@@ -68,7 +65,7 @@ export function createEmbed(sources: EmbedSources): Embed {
       return stage.visibleDigest();
     },
     get visible() {
-      return stage.visible;
+      return stage.shownSegments;
     },
     get stats() {
       return stage.stats();
@@ -81,40 +78,7 @@ export function createEmbed(sources: EmbedSources): Embed {
       return loop.count;
     },
     land(position, radiusM = store.get().radiusM, options) {
-      return new Promise((resolve, reject) => {
-        let timer: number | null = null;
-        const landing = going.land({ position, radiusM, look: null, isEntry: true, goes: false }, options);
-        // Settled by state, not by events: also where the landing was replaced by one of the user's.
-        const settle = () => {
-          const { status } = stage;
-          const { link } = store.get();
-          // Of a return the picture is there before the service's word.
-          const isWhole = status.phase === "shown" && status.readyMs !== null;
-          const isOpen = status.landing === landing && !isWhole && status.phase !== "refused";
-          if (isOpen && link?.state !== "closed") {
-            if (link?.state === "open" && timer !== null) {
-              window.clearTimeout(timer);
-              timer = null;
-            } else if (link?.state !== "open") timer ??= window.setTimeout(giveUp, LINK_PATIENCE_MS);
-            return;
-          }
-          stop();
-          if (timer !== null) window.clearTimeout(timer);
-          if (isOpen && link?.state === "closed")
-            reject(new Error(`the link is closed (${link.code}): ${link.message}`));
-          else if (status.landing !== landing)
-            reject(new Error(`landing ${landing} was superseded by ${status.landing}`));
-          else if (status.phase === "refused") reject(new Error(status.refusal ?? "the landing was refused"));
-          else resolve(status satisfies LandingStatus);
-        };
-        const stop = store.subscribe(settle);
-        const giveUp = () => {
-          stop();
-          reject(new Error(`no link for ${LINK_PATIENCE_MS / 1000} s; landing ${landing} waits for it`));
-        };
-        settle();
-        loop.request();
-      });
+      return going.land({ position, radiusM, look: null, isEntry: true, goes: false }, options);
     },
     aim: (position, radiusM = store.get().radiusM) => desk.aim(position, radiusM),
     setMode: (mode) => store.set({ mode: modeFrom(mode, store.get().manifest, sources.regions) }),

@@ -4,8 +4,16 @@
  * Everything here does what a control of the page does, or tells what the page knows. Documented in the package's README.
  */
 
-import type { LandOptions, StreamEvent, Vec3 } from "../../core/types.ts";
-import type { GroundHit, LandingStatus, StageStats, SwapReport, ViewMode, VisibleDigest } from "../../three/types.ts";
+import type { StreamEvent, Vec3 } from "../../core/types.ts";
+import type {
+  GroundHit,
+  LandingStatus,
+  StageStats,
+  SwapReport,
+  TerrainLandOptions,
+  ViewMode,
+  VisibleDigest,
+} from "../../three/types.ts";
 import type { HeadsetSession } from "../../xr/types.ts";
 import type { FreePose } from "./camera-desk.ts";
 import type { ViewerState } from "./state.ts";
@@ -37,7 +45,7 @@ export interface Embed {
   /** Land; `radiusM` and the place's height may be left to the page. Resolves when it is shown whole; rejects when refused, or
    * superseded, or where the link is closed for good, or down for longer than 15 s: the landing itself is shown all the same
    * when there is a link again. */
-  land(position: Vec3, radiusM?: number, options?: LandOptions): Promise<LandingStatus>;
+  land(position: Vec3, radiusM?: number, options?: TerrainLandOptions): Promise<LandingStatus>;
   aim(position: Vec3, radiusM?: number): void;
   /** A mode, or its text, as `slope` or `attribute:NAME`; throws RangeError on what is no mode of this scene. */
   setMode(mode: ViewMode | string): void;

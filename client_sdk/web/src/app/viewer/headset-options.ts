@@ -1,7 +1,7 @@
 /** What the headset is given of the page. */
 
 import type { RegionFacts } from "../../core/types.ts";
-import type { Stage } from "../../three/stage.ts";
+import type { Terrain } from "../../three/terrain.ts";
 import type { Landings } from "../../three/types.ts";
 import { modesOf } from "../../three/view-modes.ts";
 import type { HeadsetBookmark, HeadsetOptions, Standpoint } from "../../xr/types.ts";
@@ -22,7 +22,7 @@ import type { World } from "./world.ts";
 export interface PageForHeadset {
   readonly store: ViewerStore;
   readonly world: World;
-  readonly stage: Stage;
+  readonly stage: Terrain;
   readonly camera: CameraDesk;
   readonly markers: Markers;
   readonly loop: FrameLoop;
@@ -60,7 +60,7 @@ export function headsetOptions(page: PageForHeadset): HeadsetOptions {
         radiusM: status.radiusM,
         effectiveRadiusM,
         coarseRadiusM: plan?.coarseRadiusM ?? null,
-        segments: stage.visible.length,
+        segments: stage.shownSegments.length,
         triangles: plan?.totalTriangles ?? 0,
         bytes: status.payloadBytes,
         readyMs: status.readyMs,

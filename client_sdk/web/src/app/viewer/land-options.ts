@@ -1,7 +1,7 @@
 /** What the page asks for with a landing, by what the user has chosen. PURE. */
 
 import { coarseRadiusOf, waitingOf } from "../../core/landing-defaults.ts";
-import type { LandOptions } from "../../core/types.ts";
+import type { TerrainLandOptions } from "../../three/types.ts";
 import type { ViewerState } from "./state.ts";
 
 type Chosen = Pick<ViewerState, "manifest" | "showsCoarse">;
@@ -12,7 +12,6 @@ export function coarseRadiusIn({ manifest, showsCoarse }: Chosen, radiusM: numbe
 }
 
 /** Options of a landing of this radius. */
-export function landOptionsIn(state: Chosen, radiusM: number, inHeadset: boolean): LandOptions {
-  const coarseRadiusM = coarseRadiusIn(state, radiusM);
-  return { ...waitingOf(radiusM, inHeadset), ...(coarseRadiusM !== undefined && { coarseRadiusM }) };
+export function landOptionsIn(state: Chosen, radiusM: number, inHeadset: boolean): TerrainLandOptions {
+  return { ...waitingOf(radiusM, inHeadset), coarseRadiusM: coarseRadiusIn(state, radiusM) ?? null };
 }

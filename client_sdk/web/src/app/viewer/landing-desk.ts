@@ -1,13 +1,13 @@
 /** Aims and landings of the page: from a click to the swap, and what is said about it. */
 
-import type { LandOptions, StreamEvent, Vec3 } from "../../core/types.ts";
-import type { LandingStatus, Landings } from "../../three/types.ts";
+import type { StreamEvent, Vec3 } from "../../core/types.ts";
+import type { LandingStatus, Landings, TerrainLandOptions } from "../../three/types.ts";
 import type { Look } from "../route.ts";
 import { coarseRadiusIn, landOptionsIn } from "./land-options.ts";
 import type { Landed, ViewerStore } from "./state.ts";
 
 /** The part of the drawn scene that is used. */
-export type LandingStage = Pick<Landings, "status" | "land" | "aim" | "swap">;
+export type LandingStage = Pick<Landings, "status" | "land" | "prefetch" | "swap">;
 
 /** What to do around a swap. */
 export interface LandingDeskOptions {
@@ -37,8 +37,8 @@ export interface LandingOrder {
 export interface LandingDesk {
   aim(position: Vec3, radiusM: number): void;
   cancelAim(): void;
-  /** Returns the landing's number. */
-  land(order: LandingOrder, options?: LandOptions): number;
+  /** The promise is that of `Terrain.land`. */
+  land(order: LandingOrder, options?: TerrainLandOptions): Promise<LandingStatus>;
   handle(event: StreamEvent): void;
   /** Once per frame: swaps when there is something to show. True while a landing is under way. */
   update(): boolean;
@@ -86,7 +86,7 @@ export function createLandingDesk({ store, stage, unseen, arrived, shown }: Land
     aim(position, radiusM) {
       aimBytes = { done: 0, total: 0 };
       store.set({ aim: { place: position, radiusM, fraction: null, bytes: 0 } });
-      stage.aim(position, radiusM, coarseRadiusIn(store.get(), radiusM));
+      stage.prefetch(position, radiusM, coarseRadiusIn(store.get(), radiusM));
     },
     cancelAim() {
       store.set({ aim: null });

@@ -1,7 +1,7 @@
 /** What follows from a change of the viewer's state: colours, markers, labels, words. */
 
 import type { Vec3 } from "../../core/types.ts";
-import type { Stage } from "../../three/stage.ts";
+import type { Terrain } from "../../three/terrain.ts";
 import { formatMetres, formatPercent, formatRadius } from "../format.ts";
 import { measurePath } from "../measure.ts";
 import type { Route } from "../route.ts";
@@ -19,7 +19,7 @@ import type { Aim, ViewerState, ViewerStore } from "./state.ts";
 /** What a change of state reaches. */
 export interface Reactors {
   readonly store: ViewerStore;
-  readonly stage: Stage;
+  readonly stage: Terrain;
   readonly camera: CameraDesk;
   readonly desk: LandingDesk;
   readonly markers: Markers;

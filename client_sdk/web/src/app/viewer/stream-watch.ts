@@ -1,7 +1,7 @@
 /** What the stream tells, put where the user sees it. */
 
 import type { StreamEvent } from "../../core/types.ts";
-import type { Stage } from "../../three/stage.ts";
+import type { Terrain } from "../../three/terrain.ts";
 import { linkNotice, refusalNotice } from "../failures.ts";
 import type { Shell } from "../shell.ts";
 import type { ComfortWatch } from "./comfort.ts";
@@ -21,7 +21,7 @@ interface LinkHistory {
 /** Whom an event of the stream reaches. */
 export interface StreamListeners extends Pick<ViewerOptions, "stream" | "loadFiles" | "reload"> {
   readonly store: ViewerStore;
-  readonly stage: Stage;
+  readonly stage: Terrain;
   readonly desk: LandingDesk;
   readonly headset: HeadsetEntry;
   readonly comfort: ComfortWatch;

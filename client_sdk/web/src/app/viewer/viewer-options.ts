@@ -3,7 +3,7 @@
 import type { PerspectiveCamera } from "three";
 import type { DeviceBudgets } from "../../core/index.ts";
 import type { SceneFiles, Stream } from "../../core/types.ts";
-import type { Stage } from "../../three/index.ts";
+import type { Terrain } from "../../three/index.ts";
 import type { Route } from "../route.ts";
 import type { Shell } from "../shell.ts";
 
@@ -28,7 +28,7 @@ export interface ViewerOptions {
 
 /** A frame that is about to be drawn. */
 export interface DrawnFrame {
-  readonly stage: Stage;
+  readonly stage: Terrain;
   /** The eye; in a headset that of both eyes together. */
   readonly camera: PerspectiveCamera;
   /** Height of the picture, pixels of the device. */

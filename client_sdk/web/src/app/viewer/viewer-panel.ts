@@ -1,7 +1,7 @@
 /** The panel of a viewer: its tabs, and what they ask for. */
 
 import type { SceneFiles } from "../../core/types.ts";
-import type { Stage } from "../../three/stage.ts";
+import type { Terrain } from "../../three/terrain.ts";
 import type { Bookmark } from "../bookmarks.ts";
 import { h, setText } from "../dom.ts";
 import { createFiguresTab } from "../panel/figures-tab.ts";
@@ -19,7 +19,7 @@ import type { ViewerStore } from "./state.ts";
 /** What the tabs show, and what their buttons do. */
 export interface ViewerPanelOptions {
   readonly store: ViewerStore;
-  readonly stage: Stage;
+  readonly stage: Terrain;
   readonly files: SceneFiles;
   readonly shell: Shell;
   readonly frames: readonly number[];

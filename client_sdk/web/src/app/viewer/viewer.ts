@@ -1,10 +1,9 @@
 /** The viewer of one scene: makes its modules, gives each what it needs, and draws. */
 
-import { sharesOf } from "../../core/gpu-budget.ts";
 import { listScenes } from "../../core/scene/load.ts";
 import type { SceneFiles, Vec3 } from "../../core/types.ts";
 
-import { isBuried, Stage, standNear } from "../../three/index.ts";
+import { isBuried, standNear, Terrain } from "../../three/index.ts";
 import { farthest } from "../../three/orbit-pose.ts";
 import { isTouch, prefersLessMotion } from "../device.ts";
 import { h, setAttribute } from "../dom.ts";
@@ -95,14 +94,14 @@ export function createViewer(options: ViewerOptions): Viewer {
       draw();
       loop.request();
     },
-    contextLost: () => contextLost(),
-    contextRestored: () => contextRestored(),
   });
-  const { spareGpuBytes, maxGpuBytes } = sharesOf(options.budgets, files);
-  const stage = new Stage({ renderer: world.renderer, stream, files, spareGpuBytes, maxGpuBytes });
+  const { budgets } = options;
+  const stage = new Terrain({ renderer: world.renderer, stream, files, budgets, autoSwap: false });
+  stage.addEventListener("contextlost", contextLost);
+  stage.addEventListener("contextrestored", contextRestored);
   const markers = createMarkers();
   const brushLines = createBrushLines();
-  world.scene.add(stage.object, markers.object, brushLines.object);
+  world.scene.add(stage, markers.object, brushLines.object);
   const labels = createLabels();
   const blink = createBlink();
 
@@ -157,7 +156,10 @@ export function createViewer(options: ViewerOptions): Viewer {
     store,
     stream,
     announcer: shell.announcer,
-    land: (position, radiusM) => going.land({ position, radiusM, look: null, isEntry: true, goes: true }),
+    land(position, radiusM) {
+      void going.land({ position, radiusM, look: null, isEntry: true, goes: true });
+      return stage.status.landing;
+    },
   });
   const watch = watchStream({
     store,
@@ -451,7 +453,6 @@ export function createViewer(options: ViewerOptions): Viewer {
   }
 
   function contextLost(): void {
-    stage.contextLost();
     store.set({ contextLost: true });
     notices.show({
       key: "graphics",
@@ -463,7 +464,6 @@ export function createViewer(options: ViewerOptions): Viewer {
   }
 
   function contextRestored(): void {
-    stage.contextRestored();
     store.set({ contextLost: false });
     notices.clear("graphics");
     shell.announcer.announce("The picture is back");

@@ -27,8 +27,6 @@ export interface World {
 export interface WorldEvents {
   /** The canvas has another size, CSS pixels. Draw at once: an empty canvas would flash. */
   resized(width: number, height: number): void;
-  contextLost(): void;
-  contextRestored(): void;
 }
 
 /** Sharper than this nobody sees, and it costs by the square. */
@@ -66,17 +64,6 @@ export function createWorld(container: HTMLElement, name: string, events: WorldE
   scene.add(rig);
 
   const abort = new AbortController();
-  canvas.addEventListener(
-    "webglcontextlost",
-    (event) => {
-      // Without this the browser never gives it back.
-      event.preventDefault();
-      events.contextLost();
-    },
-    { signal: abort.signal },
-  );
-  canvas.addEventListener("webglcontextrestored", () => events.contextRestored(), { signal: abort.signal });
-
   const observer = new ResizeObserver(() => {
     // A headset has a size of its own, which three.js keeps while it presents.
     const { clientWidth: width, clientHeight: height } = container;
