@@ -43,6 +43,8 @@ from parts.random_scene import TILE_M, write_random_scene
 from parts.service_process import ServiceProcess, free_port
 from parts.swarm import drain_all, drain_paced
 
+from terraport_payload import Cover
+from terraport_payload.hidden import HiddenFaces
 from terraport_server.session.interface import (
     MakePlan,
     SceneView,
@@ -50,18 +52,16 @@ from terraport_server.session.interface import (
     SendMessage,
     SessionLimits,
 )
-from terraport_server.session.session import Session
+from terraport_server.session.session_2 import Session2
 from terraport_store import PackedRTree
-from terraport_wire import (
-    HEADER_BYTES,
-    MAX_CHUNK_BYTES,
-    Budgets,
-    Direction,
+from terraport_wire import MAX_CHUNK_BYTES, Budgets, Direction, encode
+from terraport_wire.protocol_2 import (
+    FRAME_HEADER_BYTES,
+    KEY_DTYPE,
     Hello,
     Land,
     Plan,
     decode,
-    encode,
 )
 
 PLENTY = 1 << 40
@@ -102,13 +102,13 @@ def settings() -> dict[str, Any]:
 
 def frame_bytes(chunk: int) -> int:
     """Bytes of one payload frame on the wire, WebSocket header included."""
-    length = chunk + HEADER_BYTES
+    length = chunk + FRAME_HEADER_BYTES
     return length + (2 if length < 126 else 4 if length < 1 << 16 else 10)
 
 
 def wire_bytes(plan: Plan) -> int:
     """Bytes on the wire of the payload of a plan whose segments are whole chunks."""
-    return plan.load_bytes // CHUNK * frame_bytes(CHUNK)
+    return int(plan.show["bytes"].sum()) // CHUNK * frame_bytes(CHUNK)
 
 
 def serve_raw(lengths: list[int], port: int) -> None:
@@ -228,7 +228,6 @@ def measure_latency(service: ServiceProcess, size: Size, pause_s: float) -> dict
     plan_ms, first_ms, ready_ms = [], [], []
     for _ in range(size.landings):
         x, z = rng.uniform(0, size.side * TILE_M, size=2)
-        client.forget()
         time.sleep(pause_s)
         began_s = time.perf_counter()
         client.begin((x, 0.5, z), 12.0)
@@ -303,7 +302,7 @@ def measure_supersede(service: ServiceProcess, size: Size) -> dict[str, Any]:
         got = 0
         while got < 2 * CHUNK:
             got += client.socket.recv_into(buffer, 2 * CHUNK - got)
-        client.send(Land(generation=2, position=(-50.0, 0.0, 0.0), radius_m=1.0))
+        client.wish((-50.0, 0.0, 0.0), 1.0)
         client.socket.settimeout(0.2)
         try:
             while got < left:
@@ -337,23 +336,25 @@ def measure_plan(size: Size) -> dict[str, Any]:
     tree = PackedRTree(bounds)
     packed_s = time.perf_counter() - began_s
     # A session that has said hello and has credit for everything.
-    view = SceneView("pit", "1", "pit", {"segment-2": table}, tree.within)
+    # One base face under each segment.
+    cover = Cover(np.arange(count + 1, dtype=np.uint32), np.arange(count, dtype=np.uint32))
+    hidden = HiddenFaces(cover, count)
+    view = SceneView("pit", "1", "pit", {"segment-2": table}, tree.within, hidden_faces=hidden)
     limits = SessionLimits(max_messages_per_s=1e9)
-    session = Session(view, limits, session_id="benchmark", now_s=0.0)
-    hello = Hello(
-        protocol=(1, 0),
-        client="benchmark",
-        encoding="segment-2",
-        budgets=Budgets(),
-        credit_bytes=PLENTY,
-    )
-    session.receive(hello, 0.0)
+    session = Session2(view, limits, session_id="benchmark", now_s=0.0)
+    session.receive(Hello(client="benchmark", budgets=Budgets(), credit_bytes=PLENTY), 0.0)
     session.next_action()
     # From the bytes of `land` to those of `plan`; the first ten landings warm the caches.
     plan_ms, query_ms, loaded = [], [], []
     for generation in range(size.landings + 10):
         x, z = rng.uniform(0.2, 0.8, 2) * side * TILE_M
-        land = Land(generation=generation, position=(x, 0.5, z), radius_m=171.0)
+        land = Land(
+            generation=generation,
+            position=(x, 0.5, z),
+            radius_m=171.0,
+            have=np.zeros(0, KEY_DTYPE),
+            taken_bytes=0,
+        )
         data = encode(land)
         began_s = time.perf_counter()
         message = decode(data, Direction.CLIENT_TO_SERVER, max_bytes=1 << 20)
@@ -368,7 +369,7 @@ def measure_plan(size: Size) -> dict[str, Any]:
                 break
         encode(action.message)
         plan_ms.append(1e3 * (time.perf_counter() - began_s))
-        loaded.append(len(action.message.load))
+        loaded.append(len(action.message.show))
         query_ms.append(timed_ms(lambda x=x, z=z: tree.within((x, 0.5, z), 171.0)))
     return {
         "segments": count,

@@ -51,7 +51,7 @@ from parts.random_scene import TILE_M, write_random_scene
 from parts.service_process import ServiceProcess, free_port
 
 import terraport
-from terraport_wire import Land, Superseded
+from terraport_wire.protocol_2 import Plan
 
 TOOLS: Final = Path(__file__).resolve().parents[2] / "shared" / "tools"
 SIDE: Final = 30
@@ -132,21 +132,18 @@ def superseded_landings(host: str, port: int, rounds: int, credit: int) -> list[
         return got
 
     for _ in range(rounds):
-        client.forget()
         client.begin((0.0, 0.5, 0.0), 9000.0)
         until_s, got, began_s = time.perf_counter() + 0.7, 0, time.perf_counter()
         while time.perf_counter() < until_s and got < 30 << 20:
             got += _payload(take())
         rate = got / (time.perf_counter() - began_s)
-        client.generation += 1
-        here = (SIDE * TILE_M, 0.5, SIDE * TILE_M)
         open_credit, late, began_s = credit - owed, 0, time.perf_counter()
-        client.send(Land(generation=client.generation, position=here, radius_m=15.0))
-        while not isinstance(now := client.next(), Superseded):
+        client.wish((SIDE * TILE_M, 0.5, SIDE * TILE_M), 15.0)
+        while not isinstance(now := client.next(), Plan):
             late += _payload(now)
         owed += late
         while not _payload(take()):
-            pass  # the plan
+            pass
         first_s = time.perf_counter() - began_s
         owed += client.drain()
         superseded.append((late, first_s, max(0, late - open_credit), rate))

@@ -36,11 +36,12 @@ from prometheus_client.parser import text_string_to_metric_families
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from s3_servers import Fault, FaultProxy, s3_environment, weed_server
-from server.plain_client import PlainClient
+from server.plain_client import Piece, PlainClient
 
 from terraport_store.origin import ObjectOptions
 from terraport_store.upload import upload_scene
-from terraport_wire import Credit, Land, PayloadFrame, Ready
+from terraport_wire import Credit
+from terraport_wire.protocol_2 import Ready
 
 DELAY_S = 0.02
 
@@ -145,19 +146,21 @@ def landings(
         for generation, (x, z) in enumerate(places):
             before = counts(service)
             began_s = time.perf_counter()
-            client.send(Land(generation=generation, position=(x, 0.5, z), radius_m=radius_m))
+            taken_bytes = client.taken_bytes
+            client.land(generation, (x, 0.5, z), radius_m)
             first_s = None
             while not isinstance(message := client.receive(), Ready):
-                if first_s is None and isinstance(message, PayloadFrame):
+                if first_s is None and isinstance(message, Piece):
                     first_s = time.perf_counter()
             ready_ms.append((time.perf_counter() - began_s) * 1e3)
-            assert not len(message.missing), "segments are missing"
-            client.send(Credit(bytes=message.payload_bytes))
+            assert message.missing is None, "segments are missing"
+            payload_bytes = client.taken_bytes - taken_bytes
+            client.send(Credit(bytes=payload_bytes))
             first_ms.append(((first_s or began_s) - began_s) * 1e3)
             after = counts(service)
-            payload.append(message.payload_bytes)
+            payload.append(payload_bytes)
             requests.append(after["requests"] - before["requests"])
-            fetched.append((after["bytes"] - before["bytes"]) / message.payload_bytes)
+            fetched.append((after["bytes"] - before["bytes"]) / payload_bytes)
     return {
         "first_byte_ms": round(statistics.median(first_ms), 1),
         "ready_ms": round(statistics.median(ready_ms), 1),

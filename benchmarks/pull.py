@@ -12,9 +12,6 @@
 * **cache**: viewers (a plan over HTTP and the ranges that it names, 20 at a time) land at one place
   through nginx as a caching proxy in front of the service. What nginx asked the service for,
   against what the viewers got.
-* **plans**: landings a second that the service's session decides on one core, with the messages of
-  each encoded and decoded: ``land`` to ``plan`` and ``held`` to ``ready``, of some 500 segments in
-  a scene of 100,000. No socket, no HTTP.
 * **folder**: the same viewers with nginx serving the scenes' folder as ``pull_base_url``. Payload
   bytes through the service, and its CPU for each landing, connecting and all.
 
@@ -33,45 +30,20 @@ import shutil
 import socket
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
 import httpx
-import numpy as np
 from parts.random_scene import TILE_M, write_random_scene
 from parts.service_process import ServiceProcess, free_port, listening
 
-from terraport_server.session.interface import (
-    MakePlan,
-    PullView,
-    SceneView,
-    SegmentTable,
-    SendMessage,
-    SessionLimits,
-)
-from terraport_server.session.session import Session
-from terraport_store import PackedRTree, Scene
+from terraport_store import Scene
 from terraport_store.origin import ObjectOptions
 from terraport_store.upload import upload_scene
-from terraport_wire import (
-    HELD_DTYPE,
-    Budgets,
-    Direction,
-    Evict,
-    Held,
-    Hello,
-    Land,
-    Message,
-    Plan,
-    PullInfo,
-    decode,
-    encode,
-)
-from terraport_wire.protocol_2 import Plan as Plan2
-from terraport_wire.protocol_2 import decode as decode_2
+from terraport_wire import Direction
+from terraport_wire.protocol_2 import Plan, decode
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from s3_servers import s3_environment, weed_server
@@ -113,7 +85,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--nginx", default=shutil.which("nginx"))
     parser.add_argument("--viewers", type=int, default=200)
-    parser.add_argument("--only", choices=("files", "plans", "viewers", "s3"))
+    parser.add_argument("--only", choices=("files", "viewers", "s3"))
     parser.add_argument("--smoke", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
@@ -124,8 +96,6 @@ def main() -> None:
             for kib in (128, 512, 2048):
                 scenes = write_scene(folder, side, kib)
                 measure_files(scenes, volume, kib, options.nginx)
-        if options.only in {None, "plans"}:
-            measure_plans(4 if options.smoke else 200)
         if options.nginx is not None and options.only in {None, "viewers"}:
             viewers = 2 if options.smoke else options.viewers
             measure_viewers(write_scene(folder, side, 32), options.nginx, viewers, side)
@@ -209,77 +179,6 @@ def drain(port: int, requests: list[str], rounds: int) -> int:
                 left -= raw.recv_into(view[: min(left, len(view))])
             total += length
     return total
-
-
-def measure_plans(landings: int) -> None:
-    """Land at one place after another as a viewer that pulls and keeps nothing."""
-    side, radius_m = 316, 121.0
-    row, column = np.divmod(np.arange(side * side), side)
-    bounds = np.zeros((side * side, 6), dtype=np.float32)
-    bounds[:, 0], bounds[:, 2] = column * TILE_M, row * TILE_M
-    bounds[:, 3:] = bounds[:, :3] + np.float32(TILE_M - 0.5)
-    lengths = np.full(side * side, 40_000, dtype=np.uint32)
-    counts = np.full(side * side, 5000, dtype=np.uint32)
-    hashes = np.arange(side * side, dtype=np.uint64)
-    table = SegmentTable(
-        bounds=bounds,
-        lengths=lengths,
-        hashes=hashes,
-        faces=counts,
-        vertices=counts,
-        texture_bytes=np.zeros(len(bounds), np.uint64),
-    )
-    pack = PullInfo(base="scenes/pit/", pack="v-1/segments.pack", pack_bytes=1 << 37)
-    pull = PullView(pack, hashes * np.uint64(40_000 // 64 * 64 + 64))
-    within = PackedRTree(bounds).within
-    view = SceneView("pit", "1", "pit", {"segment-2": table}, within, pull)
-    session = Session(view, SessionLimits(max_messages_per_s=1e9), session_id="s", now_s=0.0)
-    sent = {"land": 0, "plan": 0, "held": 0}
-
-    def say(message: Message) -> list[bytes]:
-        data = encode(message)
-        sent[message.TYPE] = sent.get(message.TYPE, 0) + len(data)
-        session.receive(decode(data, Direction.CLIENT_TO_SERVER), 0.0)
-        answers = []
-        while (action := session.next_action()) is not None:
-            if isinstance(action, MakePlan):
-                session.make_plan(0.0)
-                continue
-            assert isinstance(action, SendMessage)
-            answers.append(encode(action.message))
-        return answers
-
-    hello = Hello(
-        protocol=(1, 0),
-        client="b",
-        encoding="segment-2",
-        budgets=Budgets(),
-        credit_bytes=1 << 20,
-        delivery="pull",
-    )
-    say(hello)
-    segments, client_s = 0, 0.0
-    places = np.random.default_rng(1).uniform(200.0, (side - 20) * TILE_M, (landings, 2))
-    began_s = time.process_time()
-    for number, (x, z) in enumerate(places.tolist()):
-        answers = say(Land(generation=number, position=(x, 0.0, z), radius_m=radius_m))
-        at_s = time.process_time()  # what the client does is its own
-        plan = decode(answers[0], Direction.SERVER_TO_CLIENT)
-        assert isinstance(plan, Plan)
-        sent["plan"] += len(answers[0])
-        segments += len(plan.load)
-        rows = np.zeros(len(plan.load), dtype=HELD_DTYPE)
-        rows["id"], rows["xxh3"] = plan.load["id"], plan.load["xxh3"]
-        client_s += time.process_time() - at_s
-        say(Held(segments=rows))
-        say(Evict(segments=plan.load["id"]))
-    cpu_s = time.process_time() - began_s - client_s
-    print("\n| landings | segments each | plans a second and core | plan, B | held, B |")
-    print("|---|---|---|---|---|")
-    print(
-        f"| {landings} | {segments / landings:.0f} | {landings / cpu_s:.0f} | "
-        f"{sent['plan'] / landings:.0f} | {sent['held'] / landings:.0f} |"
-    )
 
 
 def measure_viewers(scenes: Path, nginx: str, viewers: int, side: int) -> None:
@@ -372,8 +271,8 @@ async def land_all(url: str, viewers: int, side: int, base: str) -> int:
             pack = (await http.get(scene)).json()["files"]["segments.pack"]["path"]
             query = {"x": middle_m, "y": 0, "z": middle_m, "radius_m": side * TILE_M}
             answer = await http.get(f"{scene}/{pack.partition('/')[0]}/plan", params=query)
-            plan = decode_2(answer.raise_for_status().content, Direction.SERVER_TO_CLIENT)
-            assert isinstance(plan, Plan2)
+            plan = decode(answer.raise_for_status().content, Direction.SERVER_TO_CLIENT)
+            assert isinstance(plan, Plan)
             assert plan.offsets is not None
             spans = sorted(zip(plan.offsets.tolist(), plan.show["bytes"].tolist(), strict=True))
             ranges: list[list[int]] = []

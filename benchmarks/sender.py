@@ -86,7 +86,6 @@ def measure_calls(service: ServiceProcess, size: Size) -> dict[str, Any]:
     for client in clients:
         client.hello()
         client.land((size.side * TILE_M / 2, 0.5, size.side * TILE_M / 2), 20.0)
-        client.forget()
     command = ["strace", "-c", "-f", "-p", str(service.pid)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as tracer:
         time.sleep(1.5)

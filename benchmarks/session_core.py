@@ -1,7 +1,7 @@
 """What one session costs without a socket: ``python benchmarks/session_core.py``.
 
-Memory of a session in a scene of a million segments, time per chunk, and the control messages of
-a large plan and a large offer on the wire. No network, some 20 s of one core.
+Memory of a session in a scene of a million segments, time per chunk, and the messages of a large
+landing on the wire. No network, some 20 s of one core.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from terraport_payload import Cover
+from terraport_payload.hidden import HiddenFaces
 from terraport_server.session.interface import (
     MakePlan,
     SceneView,
@@ -20,19 +22,10 @@ from terraport_server.session.interface import (
     SendChunk,
     SessionLimits,
 )
-from terraport_server.session.session import Session
+from terraport_server.session.session_2 import Session2
 from terraport_store.packed_rtree import PackedRTree
-from terraport_wire import (
-    HELD_DTYPE,
-    Budgets,
-    Direction,
-    Held,
-    Hello,
-    Land,
-    Plan,
-    decode,
-    encode,
-)
+from terraport_wire import Budgets, Direction, encode
+from terraport_wire.protocol_2 import KEY_DTYPE, MAX_HAVE, Hello, Land, Plan, decode
 
 SIDE = 1000
 SESSIONS = 300
@@ -54,25 +47,43 @@ def scene_of_a_million() -> SceneView:
         texture_bytes=np.zeros(count, np.uint64),
     )
     within = PackedRTree(bounds).within
-    return SceneView(id="m", version="v", name="M", encodings={"segment-2": table}, within=within)
+    # One base face under each segment.
+    cover = Cover(np.arange(count + 1, dtype=np.uint32), ids.astype(np.uint32))
+    return SceneView(
+        id="m",
+        version="v",
+        name="M",
+        encodings={"segment-2": table},
+        within=within,
+        hidden_faces=HiddenFaces(cover, count),
+    )
 
 
-def opened(scene: SceneView) -> Session:
+def opened(scene: SceneView) -> Session2:
     """Return a session that was welcomed."""
     limits = SessionLimits(max_messages_per_s=1e9, max_credit_bytes=PLENTY)
-    session = Session(scene, limits, session_id="s", now_s=0.0)
-    hello = Hello(
-        protocol=(1, 0), client="", encoding="segment-2", budgets=Budgets(), credit_bytes=PLENTY
-    )
-    session.receive(hello, 0.0)
+    session = Session2(scene, limits, session_id="s", now_s=0.0)
+    session.receive(Hello(client="", budgets=Budgets(), credit_bytes=PLENTY), 0.0)
     while session.next_action() is not None:
         pass
     return session
 
 
-def land(session: Session, radius_m: float) -> tuple[Plan | None, float, int]:
+def make_land(radius_m: float, have: int) -> Land:
+    """Return a landing in the middle, with so many keys."""
+    keys = np.arange(have, dtype=KEY_DTYPE)
+    return Land(
+        generation=1,
+        position=(5000.0, 1.0, 5000.0),
+        radius_m=radius_m,
+        have=keys,
+        taken_bytes=0,
+    )
+
+
+def land(session: Session2, radius_m: float) -> tuple[Plan | None, float, int]:
     """Land and take everything; return the plan, the seconds for chunks, and their number."""
-    session.receive(Land(generation=1, position=(5000.0, 1.0, 5000.0), radius_m=radius_m), 0.0)
+    session.receive(make_land(radius_m, 0), 0.0)
     plan, chunks = None, 0
     began_s = time.perf_counter()
     while (action := session.next_action()) is not None:
@@ -110,20 +121,16 @@ def main() -> None:
         gc.collect()
         kib = tracemalloc.get_traced_memory()[0] / SESSIONS / 1024.0
         tracemalloc.stop()
-        assert sessions[0].transfers is not None
-        print(f"{name} session: {kib:.1f} KiB, holds {len(sessions[0].transfers.held)} segments")
+        print(f"{name} session: {kib:.1f} KiB")
     runs = [land(opened(scene), 400.0) for _ in range(9)]
     per_chunk_us = min(1e6 * seconds / chunks for _, seconds, chunks in runs)
     print(f"one chunk asked for and booked: {per_chunk_us:.1f} us")
     plan = land(opened(scene), 173.0)[0]
     assert plan is not None
-    offer = np.zeros(32_768, dtype=HELD_DTYPE)
-    offer["id"] = np.arange(len(offer))
-    for message, direction in (
-        (plan, Direction.SERVER_TO_CLIENT),
-        (Held(segments=offer), Direction.CLIENT_TO_SERVER),
+    for message, direction, rows in (
+        (plan, Direction.SERVER_TO_CLIENT, len(plan.show)),
+        (make_land(173.0, MAX_HAVE), Direction.CLIENT_TO_SERVER, MAX_HAVE),
     ):
-        rows = len(message.load) if isinstance(message, Plan) else len(message.segments)
         data = encode(message)
         encode_ms = best_ms(lambda m=message: encode(m))
         decode_ms = best_ms(lambda d=data, w=direction: decode(d, w))

@@ -57,7 +57,8 @@ from parts.service_process import ServiceProcess
 import terraport
 from terraport.errors import LandingSupersededError, TerraportError
 from terraport_store import Scene, SegmentIndex
-from terraport_wire import Land
+from terraport_wire import MAX_PLAN_SEGMENTS
+from terraport_wire.protocol_2 import KEY_DTYPE, Land
 
 SIDE: Final = 30
 SEGMENT_BYTES: Final = 24 << 10
@@ -143,7 +144,7 @@ class Trial:
                     await asyncio.sleep(draw.uniform(0.0, 0.5))
                     await self._connect(client, draw)
                 await client.land(position, RADIUS_M)
-                await self._forget(client, draw)
+                self._forget(client, draw)
         except TimeoutError:
             self.findings.say(f"a landing was not ready after {LONGEST_LANDING_S:g} s")
         except LostError as error:
@@ -160,12 +161,12 @@ class Trial:
             else:
                 return
 
-    async def _forget(self, client: LightClient, draw: random.Random) -> None:
+    def _forget(self, client: LightClient, draw: random.Random) -> None:
         hidden = np.flatnonzero(client.held & ~client.shown)
         share = 1.0 if draw.random() < 0.1 else 0.5
         gone = np.array([segment for segment in hidden if draw.random() < share], dtype=np.uint32)
         if len(gone):
-            await client.evict(gone)
+            client.forget(gone)
 
     async def full(self, number: int, until_s: float) -> None:
         """One session of the SDK, with a cache of 2 MB."""
@@ -200,15 +201,14 @@ class Trial:
             landing = first
         segments = await landing.ready(LONGEST_LANDING_S)
         self.sdk["landings"] += 1
-        nothing = np.zeros(len(self.index), dtype=np.bool_)
-        land = Land(generation=1, position=position, radius_m=RADIUS_M)
-        expected = expect(
-            self.index,
-            land,
-            is_held=nothing,
-            release_factor=1.0,
-            max_segments=16_384,
-        ).load
+        land = Land(
+            generation=1,
+            position=position,
+            radius_m=RADIUS_M,
+            have=np.zeros(0, KEY_DTYPE),
+            taken_bytes=0,
+        )
+        expected = expect(self.index, land, max_segments=MAX_PLAN_SEGMENTS)
         shown = {segment.id for segment in segments}
         absent = set(expected) - shown
         if absent:

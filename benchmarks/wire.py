@@ -16,17 +16,14 @@ from functools import partial
 
 import numpy as np
 
-from terraport_wire import (
-    LOAD_DTYPE,
-    MAX_CHUNK_BYTES,
-    Direction,
+from terraport_wire import MAX_CHUNK_BYTES, Message, encode
+from terraport_wire.protocol_2 import (
+    KEY_DTYPE,
+    SEGMENT_DTYPE,
     Land,
-    Message,
-    PayloadFrame,
     Plan,
     decode,
     decode_frame,
-    encode,
     frame_header,
 )
 
@@ -34,33 +31,22 @@ SEED = 20261121
 
 
 def make_plan(segments: int) -> Plan:
-    """Return a plan whose load has `segments` rows of plausible sizes, and as many kept ids."""
+    """Return a plan of `segments` rows of plausible sizes."""
     draw = np.random.default_rng(SEED)
-    load = np.zeros(segments, dtype=LOAD_DTYPE)
-    load["id"] = draw.permutation(100_000)[:segments]
-    load["faces"] = draw.integers(2_000, 20_000, segments)
-    load["vertices"] = load["faces"] // 2 + 50
-    load["length"] = load["faces"] * 6
-    load["xxh3"] = draw.integers(0, 2**64 - 1, segments, dtype=np.uint64)
-    load["bounds"][:, :3] = draw.uniform(-500, 500, (segments, 3))
-    load["bounds"][:, 3:] = load["bounds"][:, :3] + draw.uniform(1, 20, (segments, 3))
-    keep = np.arange(100_000, 100_000 + segments, dtype=np.uint32)
-    load_bytes, faces = int(load["length"].sum()), int(load["faces"].sum())
+    show = np.zeros(segments, dtype=SEGMENT_DTYPE)
+    show["key"] = draw.integers(0, 2**64 - 1, segments, dtype=np.uint64)
+    show["id"] = draw.permutation(100_000)[:segments]
+    show["faces"] = draw.integers(2_000, 20_000, segments)
+    show["vertices"] = show["faces"] // 2 + 50
+    show["bytes"] = show["faces"] * 4
     return Plan(
         generation=7,
-        position=(12.25, -3.5, 100.125),
-        radius_m=60.0,
-        release_radius_m=75.0,
-        effective_radius_m=60.0,
+        show=show,
+        hidden=draw.bytes(400),
         inner_count=segments // 8,
-        load=load,
-        keep=keep,
-        nearby=[],
-        load_bytes=load_bytes,
-        load_triangles=faces,
-        total_bytes=2 * load_bytes,
-        total_triangles=2 * faces,
-        omitted_segments=0,
+        inner_hidden=draw.bytes(200),
+        effective_radius_m=60.0,
+        omitted=0,
     )
 
 
@@ -88,15 +74,9 @@ def measure(message: Message, rounds: int) -> dict[str, float]:
 
 def measure_frames(rounds: int) -> dict[str, float]:
     """Return the times of one full frame: header alone (what the server writes), and decoding."""
-    numbers = {
-        "generation": 1,
-        "segment": 2,
-        "offset": 0,
-        "total": 2**20,
-        "length": MAX_CHUNK_BYTES,
-    }
+    numbers = {"generation": 1, "key": 2, "offset": 0, "total": 2**20}
     data = frame_header(**numbers) + bytes(MAX_CHUNK_BYTES)
-    assert isinstance(decode_frame(data), PayloadFrame)
+    assert decode_frame(data) is not None
     return {
         "bytes": len(data),
         "header_us": round(best_us(lambda: frame_header(**numbers), rounds), 2),
@@ -111,8 +91,13 @@ def main() -> int:
     )
     options = parser.parse_args()
     segments, rounds = (10, 2) if options.smoke else (1_000, 200)
-    assert Land.DIRECTION is Direction.CLIENT_TO_SERVER
-    land = Land(generation=7, position=(12.25, -3.5, 100.125), radius_m=60.0)
+    land = Land(
+        generation=7,
+        position=(12.25, -3.5, 100.125),
+        radius_m=60.0,
+        have=np.arange(segments, dtype=KEY_DTYPE),
+        taken_bytes=0,
+    )
     results = {
         "python": platform.python_version(),
         "machine": platform.machine(),

@@ -15,7 +15,8 @@ from containers import Container
 from websockets.asyncio.client import connect as connect_websocket
 
 import terraport
-from terraport_wire import Budgets, Hello, encode
+from terraport_wire import Budgets, encode
+from terraport_wire.protocol_2 import SUBPROTOCOL, Hello
 
 __all__ = ["check_groups", "check_landings", "check_restart", "check_survivor"]
 
@@ -67,22 +68,14 @@ async def check_landings(url: str, token: str, servers: list[Container]) -> None
 async def check_groups(url: str, token: str, servers: list[Container]) -> None:
     """All connections of one group reach one replica, whatever the name; groups spread."""
     address = url.replace("https", "wss") + "/scenes/big/stream?group="
-    hello = encode(
-        Hello(
-            protocol=(1, 0),
-            client="verify",
-            encoding="segment-2",
-            budgets=Budgets(),
-            credit_bytes=0,
-        )
-    )
+    hello = encode(Hello(client="verify", budgets=Budgets(), credit_bytes=0))
     homes = set()
     for name in ("north", "south", "east", "west", "up", "down"):
         before = [len(_opened(server)) for server in servers]
         for _ in range(4):
             async with connect_websocket(
                 address + name,
-                subprotocols=["terraport.v1.msgpack"],
+                subprotocols=[SUBPROTOCOL],
                 additional_headers={
                     "Authorization": f"Bearer {token}",
                     "X-Terraport-Group": "forged",

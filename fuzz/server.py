@@ -113,7 +113,7 @@ def socket_truncated(port: int, data: bytes, draw: random.Random) -> tuple[int, 
         peer.handshake(SCENE, answers)
         messages: list[bytes] = [data, encode(Bye())]
         if draw.random() < 0.8:
-            messages.insert(0, encode(sensible_hello(draw, SEGMENTS)))
+            messages.insert(0, encode(sensible_hello(draw)))
         peer.send(*messages)
         peer.until_closed(answers)
     return len(messages), answers.wrong, _name(answers)
@@ -122,7 +122,7 @@ def socket_truncated(port: int, data: bytes, draw: random.Random) -> tuple[int, 
 def socket_messages(corpus: Corpus, port: int, draw: random.Random) -> tuple[int, list[str], str]:
     """One connection's life: hello, a mix, bye."""
     answers = Answers()
-    messages: list[bytes] = [encode(sensible_hello(draw, SEGMENTS))]
+    messages: list[bytes] = [encode(sensible_hello(draw))]
     if draw.random() < 0.05:
         messages = [corpus.edited(draw)]
     hostility = draw.choice([0.0, 0.02, 0.02, 0.3])
@@ -149,7 +149,7 @@ def socket_frames(port: int, name: str, data: bytes) -> tuple[int, list[str], st
     answers = Answers()
     with HostilePeer(port) as peer:
         peer.handshake(SCENE, answers)
-        peer.send(encode(sensible_hello(random.Random(1), SEGMENTS)))
+        peer.send(encode(sensible_hello(random.Random(1))))
         peer.write(data)
         peer.finish(answers, quiet_s=0.1)
     if answers.close_code is not None and answers.close_code.to_bytes(2, "big") in data:

@@ -19,21 +19,17 @@ from websockets.http11 import Response
 from websockets.typing import Subprotocol
 from websockets.uri import parse_uri
 
-from terraport_wire import (
-    HEADER_BYTES,
+from terraport_wire import Budgets, Credit, Direction, Message, encode
+from terraport_wire.protocol_2 import (
+    FRAME_HEADER_BYTES,
+    KEY_DTYPE,
     SUBPROTOCOL,
-    Budgets,
-    Credit,
-    Direction,
-    Evict,
     Hello,
     Land,
-    Message,
     Plan,
     Ready,
     Welcome,
     decode,
-    encode,
 )
 
 __all__ = ["PLENTY", "DrainClient"]
@@ -82,6 +78,8 @@ class DrainClient:
         self._scratch = bytearray(1 << 18)
         self.generation = 0
         """Of the newest landing."""
+        self.taken_bytes = 0
+        """Payload that was read."""
         self._protocol.send_request(self._protocol.connect())
         self._flush()
         head = b""
@@ -94,16 +92,7 @@ class DrainClient:
 
     def hello(self, credit_bytes: int = PLENTY, **fields: Any) -> Welcome:
         """Open the session; `fields` are further ones of hello."""
-        self.send(
-            Hello(
-                protocol=(1, 0),
-                client="trial",
-                encoding="segment-2",
-                budgets=Budgets(),
-                credit_bytes=credit_bytes,
-                **fields,
-            )
-        )
+        self.send(Hello(client="trial", budgets=Budgets(), credit_bytes=credit_bytes, **fields))
         self.welcome = welcome = self.message()
         assert isinstance(welcome, Welcome), welcome
         return welcome
@@ -123,16 +112,22 @@ class DrainClient:
             if isinstance(received, Message):
                 return received
 
-    def forget(self) -> None:
-        """Evict every segment, so that the next landing sends all of them again."""
-        count = self.welcome.scene.segment_count
-        for first in range(0, count, 32_768):
-            self.send(Evict(segments=np.arange(first, min(count, first + 32_768), dtype=np.uint32)))
+    def wish(self, position: tuple[float, float, float], radius_m: float) -> None:
+        """Send a landing of a client that has nothing."""
+        self.generation += 1
+        self.send(
+            Land(
+                generation=self.generation,
+                position=position,
+                radius_m=radius_m,
+                have=np.zeros(0, KEY_DTYPE),
+                taken_bytes=self.taken_bytes,
+            )
+        )
 
     def begin(self, position: tuple[float, float, float], radius_m: float) -> Plan:
         """Land and read the plan."""
-        self.generation += 1
-        self.send(Land(generation=self.generation, position=position, radius_m=radius_m))
+        self.wish(position, radius_m)
         while True:
             plan = self.message()
             if isinstance(plan, Plan):
@@ -156,8 +151,8 @@ class DrainClient:
         """Land and drain; return payload bytes and seconds."""
         began_s = time.perf_counter()
         plan = self.begin(position, radius_m)
-        got = self.drain()
-        assert got == plan.load_bytes, f"{got} bytes, expected {plan.load_bytes}"
+        got, planned = self.drain(), int(plan.show["bytes"].sum())
+        assert got == planned, f"{got} bytes, expected {planned}"
         return got, time.perf_counter() - began_s
 
     def close(self) -> None:
@@ -177,7 +172,8 @@ class DrainClient:
         first = self._exactly(1)
         if first[0] < 0x80:
             self._skip(length - 1)
-            return length - HEADER_BYTES
+            self.taken_bytes += length - FRAME_HEADER_BYTES
+            return length - FRAME_HEADER_BYTES
         data = first + self._exactly(length - 1)
         message = decode(data, Direction.SERVER_TO_CLIENT)
         assert isinstance(message, Message)

@@ -19,32 +19,34 @@ import numpy as np
 import xxhash
 from parts.expected_plan import differences, expect
 from websockets.client import ClientProtocol
-from websockets.frames import Frame, Opcode
+from websockets.frames import Frame as WebSocketFrame
+from websockets.frames import Opcode
 from websockets.http11 import Response
 from websockets.typing import Subprotocol
 from websockets.uri import parse_uri
 
 from terraport_store import SegmentIndex
 from terraport_wire import (
-    HELD_DTYPE,
-    SUBPROTOCOL,
+    MAX_PLAN_SEGMENTS,
     Budgets,
     Credit,
     Direction,
-    Evict,
-    Hello,
-    Land,
     Message,
     Notice,
-    PayloadFrame,
+    encode,
+    is_payload,
+)
+from terraport_wire.protocol_2 import (
+    MAX_HAVE,
+    SUBPROTOCOL,
+    Frame,
+    Hello,
+    Land,
     Plan,
     Ready,
-    Superseded,
     Welcome,
     decode,
     decode_frame,
-    encode,
-    is_payload,
 )
 
 __all__ = ["Findings", "LightClient", "LostError", "ReadyLanding"]
@@ -80,6 +82,7 @@ class Findings:
     landings: int = 0
     """Landings that became ready."""
     superseded: int = 0
+    """Landings that were given up for another."""
     cuts: int = 0
     connections: int = 0
     segments: int = 0
@@ -141,9 +144,10 @@ class LightClient:
         self.shown = np.zeros(len(index), dtype=np.bool_)
         self._socket: socket.socket | None = None
         self._generation = 0
+        self._segments = {key: segment for segment, key in enumerate(index.xxh3.tolist())}
 
     async def connect(self) -> Welcome:
-        """Connect and say hello, offering what is held."""
+        """Connect and say hello."""
         loop = asyncio.get_running_loop()
         self._socket = raw = socket.socket()
         raw.setblocking(False)
@@ -156,13 +160,14 @@ class LightClient:
             self._uri, subprotocols=[Subprotocol(SUBPROTOCOL)], max_size=None
         )
         self._events: deque[Any] = deque()
-        self._partial: dict[int, bytearray] = {}
+        self._part: tuple[int, bytearray] | None = None
+        """Segment that is under way."""
         self._queue: list[int] = []
-        self._consumed_bytes = 0
+        """Segments that are still to come, in order."""
+        self._taken_bytes = self._granted_bytes = 0
         self._open: int | None = None
         """Generation whose plan came last."""
         self._lands: dict[int, Land] = {}
-        self._superseded: set[int] = set()
         self.shown[:] = False
         # The upgrade.
         self._protocol.send_request(self._protocol.connect())
@@ -172,27 +177,17 @@ class LightClient:
         response = self._events.popleft()
         if not isinstance(response, Response) or response.status_code != 101:
             raise LostError(f"got {response}, expected 101")
-        # Hello offers every held segment with its hash; the service must take them all.
-        ids = np.flatnonzero(self.held)
-        table = np.zeros(len(ids), dtype=HELD_DTYPE)
-        table["id"], table["xxh3"] = ids, self._index.xxh3[ids]
         await self.send(
             Hello(
-                protocol=(1, 0),
                 client="trial",
-                encoding="segment-2",
                 budgets=Budgets(),
                 credit_bytes=self._credit_bytes,
-                held=table,
                 token=self._token,
             )
         )
         welcome = await self.receive()
         if not isinstance(welcome, Welcome):
             raise LostError(f"got {welcome}, expected welcome")
-        if welcome.held_count != len(ids) or len(welcome.dropped):
-            self._wrong(f"offered {len(ids)} held segments, {welcome.held_count} were accepted")
-        self._welcome = welcome
         self._generation = 0
         self._findings.connections += 1
         return welcome
@@ -206,14 +201,25 @@ class LightClient:
     ) -> bool:
         """Land; True when it is ready, False when it was left after so many frames."""
         self._generation += 1
-        land = Land(generation=self._generation, position=position, radius_m=radius_m)
-        self._lands[land.generation] = land
+        self._findings.superseded += len(self._lands)
+        near = np.flatnonzero(self.held)
+        if len(near) > MAX_HAVE:
+            middle = self._index.bounds[near].reshape(-1, 2, 3).mean(axis=1)
+            near = near[np.argsort(np.linalg.norm(middle - position, axis=1))[:MAX_HAVE]]
+        land = Land(
+            generation=self._generation,
+            position=position,
+            radius_m=radius_m,
+            have=self._index.xxh3[near],
+            taken_bytes=self._taken_bytes,
+        )
+        self._lands = {land.generation: land}
         began_s = time.monotonic()
         await self.send(land)
         frames = 0
         while True:
             got = await self.receive()
-            if isinstance(got, PayloadFrame):
+            if isinstance(got, Frame):
                 if got.generation == land.generation:
                     if not frames and self._bytes_per_s is None:
                         self._findings.first_s.append(time.monotonic() - began_s)
@@ -227,13 +233,13 @@ class LightClient:
                     took_s = time.monotonic() - began_s
                     self._findings.ready.append(ReadyLanding(began_s, took_s))
                 self._findings.landings += 1
+                self._lands.clear()
                 return True
 
-    async def evict(self, segments: np.ndarray[Any, Any]) -> None:
+    def forget(self, segments: np.ndarray[Any, Any]) -> None:
         """Forget segments; only while no landing is open."""
         self.held[segments] = False
         self.shown[segments] = False
-        await self.send(Evict(segments=segments.astype(np.uint32)))
 
     async def send(self, *messages: Message) -> None:
         """Send messages in one write."""
@@ -243,13 +249,13 @@ class LightClient:
             self._protocol.send_binary(data)
         await self._flush()
 
-    async def receive(self) -> Message | PayloadFrame:
+    async def receive(self) -> Message | Frame:
         """Receive one message or frame, checked."""
         while True:
             while not self._events:
                 await self._fill()
             event = self._events.popleft()
-            if not isinstance(event, Frame):
+            if not isinstance(event, WebSocketFrame):
                 continue
             if event.opcode is Opcode.CLOSE:
                 raise LostError(
@@ -259,9 +265,9 @@ class LightClient:
                 continue
             if is_payload(event.data):
                 frame = decode_frame(event.data)
-                assert isinstance(frame, PayloadFrame)
+                assert frame is not None
                 self._take_frame(frame)
-                await self._grant(len(frame.chunk))
+                await self._grant(len(frame.data))
                 return frame
             message = decode(event.data, Direction.SERVER_TO_CLIENT)
             if not isinstance(message, Message) or isinstance(message, Notice):
@@ -276,7 +282,7 @@ class LightClient:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
             self._socket.close()
             self._socket = None
-        self._partial = {}
+        self._part = None
 
     async def leave(self) -> None:
         """Close as a client does that goes home."""
@@ -285,26 +291,29 @@ class LightClient:
             await self._flush()
             self.cut()
 
-    def _take_frame(self, frame: PayloadFrame) -> None:
-        findings, segment = self._findings, frame.segment
-        if frame.generation in self._superseded or frame.generation != self._open:
+    def _take_frame(self, frame: Frame) -> None:
+        findings, segment = self._findings, self._segments[frame.key]
+        if frame.generation != self._open:
             self._wrong(f"a frame of generation {frame.generation} outside of it")
         if self.held[segment]:
             findings.repeated += 1
         if not self._queue or self._queue[0] != segment:
             self._wrong(f"segment {segment} out of order")
-        partial = self._partial.setdefault(segment, bytearray())
-        if frame.offset < len(partial):
-            findings.repeated += 1
-        elif frame.offset > len(partial):
-            self._wrong(f"a gap in segment {segment}: {frame.offset} after {len(partial)}")
-        partial += frame.chunk
-        findings.payload_bytes += len(frame.chunk)
-        if frame.last:
-            del self._partial[segment]
+        if frame.offset == 0:
+            if self._part is not None and self._part[0] == segment:
+                findings.repeated += 1
+            self._part = (segment, bytearray())
+        if self._part is None or self._part[0] != segment or len(self._part[1]) != frame.offset:
+            self._wrong(f"a gap in segment {segment}, before byte {frame.offset}")
+            return
+        payload = self._part[1]
+        payload += frame.data
+        findings.payload_bytes += len(frame.data)
+        if len(payload) == frame.total:
+            self._part = None
             if self._queue and self._queue[0] == segment:
                 self._queue.pop(0)
-            if xxhash.xxh3_64_intdigest(partial) != int(self._index.xxh3[segment]):
+            if xxhash.xxh3_64_intdigest(payload) != frame.key:
                 self._wrong(f"segment {segment} has a wrong hash")
             self.held[segment] = True
             findings.segments += 1
@@ -312,13 +321,10 @@ class LightClient:
     def _take_message(self, message: Message) -> None:
         if isinstance(message, Plan):
             self._take_plan(message)
-        elif isinstance(message, Superseded):
-            self._superseded.add(message.generation)
-            self._findings.superseded += 1
         elif isinstance(message, Ready):
-            missing = message.missing.tolist()
+            missing = 0 if message.missing is None else len(message.missing)
             if missing or self._queue or message.generation != self._open:
-                lost = len(missing) + len(self._queue)
+                lost = missing + len(self._queue)
                 self._findings.lost += lost
                 self._wrong(f"ready of {message.generation} with {lost} segments not delivered")
             self.shown[:] = False
@@ -327,33 +333,28 @@ class LightClient:
             self._wrong(f"got {str(message)[:300]}")
 
     def _take_plan(self, plan: Plan) -> None:
-        findings, ids = self._findings, plan.load["id"].tolist()
+        findings, ids = self._findings, plan.show["id"].tolist()
         findings.plans += 1
-        land = self._lands.pop(plan.generation, None)
-        if land is None:
-            self._wrong(f"a plan for generation {plan.generation}, which nobody asked for")
-        elif self._check_plan():
+        land = self._lands.get(plan.generation)
+        if land is not None and self._check_plan():
             findings.plans_checked += 1
-            expected = expect(
-                self._index,
-                land,
-                is_held=self.held,
-                release_factor=self._welcome.release_factor,
-                max_segments=self._welcome.limits.max_plan_segments,
-            )
-            for what in differences(plan, expected, self._index):
+            expected = expect(self._index, land, max_segments=MAX_PLAN_SEGMENTS)
+            for what in differences(plan, expected, land, self._index):
                 self._wrong(f"plan {plan.generation}: {what}")
         self._open = plan.generation
-        self._queue = ids
-        self._plan_ids = [*ids, *plan.keep.tolist()]
-        planned = set(ids)
-        self._partial = {key: partial for key, partial in self._partial.items() if key in planned}
+        self._plan_ids = ids
+        # What was on its way has arrived: the frames were sent before the plan.
+        self._queue = [segment for segment in ids if not self.held[segment]]
+        if self._part is not None and self._part[0] in self._queue:  # it is finished first
+            self._queue.remove(self._part[0])
+            self._queue.insert(0, self._part[0])
 
     async def _grant(self, count: int) -> None:
-        self._consumed_bytes += count
-        if self._consumed_bytes >= self._credit_bytes // 2:
-            consumed_bytes, self._consumed_bytes = self._consumed_bytes, 0
-            await self.send(Credit(bytes=consumed_bytes))
+        self._taken_bytes += count
+        taken_bytes = self._taken_bytes - self._granted_bytes
+        if taken_bytes >= self._credit_bytes // 2:
+            self._granted_bytes = self._taken_bytes
+            await self.send(Credit(bytes=taken_bytes))
 
     async def _fill(self) -> None:
         if self._socket is None:

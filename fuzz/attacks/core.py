@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from attacks.messages import Corpus, sensible, sensible_hello
 
+from terraport_payload import Cover
+from terraport_payload.hidden import HiddenFaces
 from terraport_server.session.interface import (
     Close,
     MakePlan,
@@ -21,7 +23,7 @@ from terraport_server.session.interface import (
     SendMessage,
     SessionLimits,
 )
-from terraport_server.session.session import Session
+from terraport_server.session.session_2 import Session2
 from terraport_wire import (
     CLOSE_CODES,
     MAX_CHUNK_BYTES,
@@ -30,9 +32,9 @@ from terraport_wire import (
     Direction,
     Error,
     ErrorCode,
-    decode,
     encode,
 )
+from terraport_wire.protocol_2 import decode
 
 __all__ = ["CoreRun", "fuzz_core"]
 
@@ -61,27 +63,30 @@ def make_view(seed: int) -> SceneView:
     table = SegmentTable(
         bounds=np.concatenate([corner, corner + np.float32(5.0)], axis=1),
         lengths=rng.integers(1, 300_000, SEGMENTS).astype(np.uint32),
-        hashes=rng.integers(0, 2**63, SEGMENTS).astype(np.uint64),
+        hashes=np.arange(SEGMENTS, dtype=np.uint64),
         faces=rng.integers(1, 10_000, SEGMENTS).astype(np.uint32),
         vertices=rng.integers(3, 10_000, SEGMENTS).astype(np.uint32),
         texture_bytes=rng.integers(0, 6_000_000, SEGMENTS).astype(np.uint64),
     )
+    # One base face under each segment.
+    cover = Cover(np.arange(SEGMENTS + 1, dtype=np.uint32), np.arange(SEGMENTS, dtype=np.uint32))
     return SceneView(
         id="fuzz",
         version="v",
         name="Fuzz",
         encodings={"segment-2": table},
         within=lambda _centre, _radius_m: np.arange(SEGMENTS, dtype=np.int64),
+        hidden_faces=HiddenFaces(cover, SEGMENTS),
     )
 
 
 def fuzz_core(corpus: Corpus, draw: random.Random, view: SceneView, run: CoreRun) -> None:
     """One session, from hello to close; raises AssertionError, or whatever escapes the core."""
     limits = SessionLimits(max_messages_per_s=1e9, max_plan_segments=draw.choice([16_384, 7]))
-    session = Session(view, limits, session_id="f", now_s=0.0)
+    session = Session2(view, limits, session_id="f", now_s=0.0)
     now_s, closes = 0.0, 0
     run.sessions += 1
-    first = encode(sensible_hello(draw, SEGMENTS))
+    first = encode(sensible_hello(draw))
     if draw.random() < 0.1:
         first = corpus.edited(draw)
     _take(session, first, now_s, run)
@@ -117,15 +122,15 @@ def take_alone(data: bytes, view: SceneView, run: CoreRun) -> None:
     """One message to a session that is open, and one to a session that waits for hello."""
     draw = random.Random(0)
     for greeted in (True, False):
-        session = Session(view, SessionLimits(), session_id="f", now_s=0.0)
+        session = Session2(view, SessionLimits(), session_id="f", now_s=0.0)
         if greeted:
-            hello = sensible_hello(random.Random(1), SEGMENTS)
+            hello = sensible_hello(random.Random(1))
             _take(session, encode(hello), 0.0, run)
         _take(session, data, 0.0, run)
         _act(session, draw, 0.0, run, most=1000)
 
 
-def _take(session: Session, data: bytes, now_s: float, run: CoreRun) -> None:
+def _take(session: Session2, data: bytes, now_s: float, run: CoreRun) -> None:
     run.messages += 1
     try:
         message = decode(data, Direction.CLIENT_TO_SERVER)
@@ -137,7 +142,7 @@ def _take(session: Session, data: bytes, now_s: float, run: CoreRun) -> None:
 
 
 def _act(
-    session: Session,
+    session: Session2,
     draw: random.Random,
     now_s: float,
     run: CoreRun,

@@ -51,8 +51,8 @@ def unknown_type_last(port: int, scene: str, _token: str, going: Going, address:
 
 
 def known_type(port: int, scene: str, _token: str, going: Going, address: str) -> int:
-    """Send aims with a megabyte of tiny values in a field that nobody knows."""
-    message = {"type": "aim", "generation": 1, "x": _VALUES}
+    """Send landings with a megabyte of tiny values in a field that nobody knows."""
+    message = {"type": "land", "generation": 1, "x": _VALUES}
     return _send(port, scene, frame(BINARY, msgpack.packb(message)), going, address)
 
 

@@ -1,10 +1,12 @@
 """Messages that are nearly right: the conformance corpus, taken apart, edited, put together again.
 
-New messages of the protocol come in by themselves, with their conformance files.
+New messages of the protocol come in by themselves, with their cases.
 """
 
 from __future__ import annotations
 
+import base64
+import json
 import math
 import random
 from collections.abc import Iterator
@@ -15,24 +17,12 @@ import msgpack
 import numpy as np
 from attacks.mutation import mutate
 
-from terraport_wire import (
-    HELD_DTYPE,
-    Aim,
-    Budgets,
-    Bye,
-    Credit,
-    Evict,
-    Hello,
-    Land,
-    Message,
-    Pick,
-    Reject,
-)
+from terraport_wire import Budgets, Bye, Credit, Message, Pick
+from terraport_wire.protocol_2 import KEY_DTYPE, Hello, Land, Prefetch
 
-__all__ = ["Corpus", "sensible", "sensible_hello"]
+__all__ = ["Corpus", "corpus_messages", "sensible", "sensible_hello"]
 
-CORPUS: Final = Path(__file__).resolve().parents[2] / "tests" / "conformance" / "wire"
-LONGEST_SEED: Final = 8192
+CORPUS: Final = Path(__file__).resolve().parents[2] / "tests" / "conformance" / "messages"
 
 EDGES: Final[tuple[Any, ...]] = (
     None, True, False, 0, 1, -1, 127, 128, 255, 256, 65_535, 65_536, 2**31 - 1, 2**31, 2**32 - 1,
@@ -42,25 +32,29 @@ EDGES: Final[tuple[Any, ...]] = (
 )  # fmt: skip
 
 
+def corpus_messages() -> list[tuple[dict[str, Any], bytes]]:
+    """Return every case of the corpus with its bytes, without padding."""
+    lines = [
+        json.loads(line)
+        for path in sorted(CORPUS.glob("*.jsonl"))
+        for line in path.read_text(encoding="utf-8").splitlines()
+    ]
+    return [(line, base64.b64decode(line["bytes"])) for line in lines]
+
+
 class Corpus:
-    """The conformance files, as bytes and as plain values."""
+    """The cases of the corpus, as bytes and as plain values."""
 
     def __init__(self) -> None:
         self.raw: list[bytes] = []
         self.plain: list[dict[str, Any]] = []
         self.good: list[bytes] = []
-        """Of these: what is valid, in both directions; every truncation of each is tried."""
-        for path in sorted(CORPUS.rglob("*.bin")):
-            data = path.read_bytes()
-            if len(data) > LONGEST_SEED:
-                continue
+        """Of these: valid messages of both directions; every truncation of each is tried."""
+        for case, data in corpus_messages():
             self.raw.append(data)
-            if path.name.startswith("frame-") or path.parent.name != "good":
-                continue
-            self.good.append(data)
-            plain = msgpack.unpackb(data, strict_map_key=False)
-            if isinstance(plain, dict):
-                self.plain.append(plain)
+            if "message" in case:
+                self.good.append(data)
+                self.plain.append(msgpack.unpackb(data, strict_map_key=False))
 
     def truncations(self) -> Iterator[bytes]:
         """Every proper prefix of every valid message."""
@@ -97,52 +91,41 @@ class Corpus:
 def sensible(draw: random.Random, generation: int, *, segments: int, edge_m: float) -> Message:
     """Return a valid message that leads somewhere: states that random bytes never reach."""
     position = (draw.uniform(-10, edge_m + 10), draw.uniform(-5, 5), draw.uniform(-10, edge_m + 10))
-    ids = np.array(sorted(draw.sample(range(segments), draw.randint(0, 6))), dtype=np.uint32)
-    match draw.randrange(12):
+    place: dict[str, Any] = {
+        "generation": generation,
+        "position": position,
+        "have": np.arange(draw.randint(0, segments), dtype=KEY_DTYPE),
+        "without": draw.choice([None, None, np.arange(3, dtype=KEY_DTYPE)]),
+        "taken_bytes": draw.choice([0, 1000, 2**53 - 1]),
+    }
+    match draw.randrange(10):
         case 0 | 1 | 2:
-            inner_m = draw.choice([None, 1.0, 5.0])
-            deadline_ms = None if inner_m is None else draw.choice([None, 1, 500])
             return Land(
-                generation=generation,
-                position=position,
                 radius_m=draw.choice([5.0, 20.0, 60.0, 1e6]),
-                inner_radius_m=inner_m,
-                deadline_ms=deadline_ms,
+                inner_radius_m=draw.choice([None, 1.0, 5.0]),
+                **place,
             )
         case 3 | 4:
-            return Aim(generation=generation, position=position, radius_m=draw.choice([5.0, 30.0]))
+            return Prefetch(radius_m=draw.choice([5.0, 30.0]), **place)
         case 5 | 6:
             return Credit(bytes=draw.choice([1, 1000, 1 << 20, 2**53 - 1]))
-        case 7:
-            return Evict(segments=ids)
-        case 8:
-            return Reject(
-                generation=draw.randrange(generation + 1),
-                segment=draw.randrange(segments + (draw.random() < 0.02)),
-                reason=draw.choice(["hash_mismatch", "undecodable", "?"]),
-            )
-        case 9 | 10:
+        case 7 | 8:
             direction = draw.choice([None, (0.0, -1.0, 0.0), (1e-9, 0.0, 1.0)])
             return Pick(request=draw.randrange(100), origin=position, direction=direction)
         case _:
             if draw.random() < 0.8:  # most sessions should go on
                 return Credit(bytes=1)
-            return Bye() if draw.random() < 0.5 else sensible_hello(draw, segments)
+            return Bye() if draw.random() < 0.5 else sensible_hello(draw)
 
 
-def sensible_hello(draw: random.Random, segments: int) -> Hello:
-    """Return a hello that is mostly accepted."""
-    held_segments = np.zeros(draw.randrange(5), dtype=HELD_DTYPE)
-    held_segments["id"] = draw.sample(range(segments + 3), len(held_segments))
+def sensible_hello(draw: random.Random) -> Hello:
+    """Return a hello that is accepted."""
     return Hello(
-        protocol=draw.choice([(1, 0), (1, 7), (1, 0), (2, 0)]) if draw.random() < 0.1 else (1, 0),
         client="fuzz",
-        encoding="segment-2",
         budgets=Budgets(
             max_segments=draw.choice([None, 0, 5]), max_bytes=draw.choice([None, 9999])
         ),
         credit_bytes=draw.choice([0, 1000, 1 << 20, 2**53 - 1]),
-        held=held_segments,
     )
 
 

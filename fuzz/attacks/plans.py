@@ -9,10 +9,12 @@ import contextlib
 import time
 from typing import Final
 
+import numpy as np
 from attacks.strangers import Attack, Going
 from parts.drain_client import DrainClient
 
-from terraport_wire import Aim, Land, Message, Plan, Prefetch, Superseded
+from terraport_wire import Message, Pick, Picked
+from terraport_wire.protocol_2 import KEY_DTYPE, MAX_HAVE, Land, Plan, Prefetch
 
 __all__ = ["PLAN_ATTACKS", "StalledClient"]
 
@@ -25,15 +27,18 @@ RADIUS_M: Final = 500.0
 
 STALLED: Final = 8
 
+_KEYS: Final = np.random.default_rng(20).integers(0, 1 << 63, MAX_HAVE).astype(KEY_DTYPE)
+"""Keys of no segment."""
+
 
 def wide_landings(port: int, scene: str, token: str, going: Going, address: str) -> int:
-    """Land with the largest radius and release factor, as often as one client may."""
+    """Land with the largest radius and the longest list of keys, as often as one client may."""
     return _wish(port, scene, token, going, address, Land)
 
 
-def wide_aims(port: int, scene: str, token: str, going: Going, address: str) -> int:
-    """Aim as widely and as often."""
-    return _wish(port, scene, token, going, address, Aim)
+def wide_prefetches(port: int, scene: str, token: str, going: Going, address: str) -> int:
+    """Prefetch as widely and as often."""
+    return _wish(port, scene, token, going, address, Prefetch)
 
 
 def stalled_landings(port: int, scene: str, token: str, going: Going, address: str) -> int:
@@ -67,8 +72,8 @@ def stalled_beside_wide(port: int, scene: str, token: str, going: Going, address
 
 
 PLAN_ATTACKS: Final[dict[str, Attack]] = {
-    "landings at factor 4": wide_landings,
-    "aims at factor 4": wide_aims,
+    "wide landings": wide_landings,
+    "wide prefetches": wide_prefetches,
     "landings never read": stalled_landings,
     "landings, and never read": stalled_beside_wide,
 }
@@ -87,7 +92,7 @@ class StalledClient:
 
     def __init__(self, port: int, scene: str, token: str, address: str) -> None:
         self._client = DrainClient("127.0.0.1", port, scene, receive_buffer=4096, address=address)
-        self._client.hello(credit_bytes=0, token=token, release_factor=4.0)
+        self._client.hello(credit_bytes=0, token=token)
         self._client.socket.setblocking(False)
         self._generation = 0
         self._began_s = time.monotonic()
@@ -110,7 +115,7 @@ class StalledClient:
 
 
 def _wish(
-    port: int, scene: str, token: str, going: Going, address: str, kind: type[Land | Aim]
+    port: int, scene: str, token: str, going: Going, address: str, kind: type[Land | Prefetch]
 ) -> int:
     """Ask for as many as one client may, and read what is answered."""
     done = 0
@@ -118,7 +123,7 @@ def _wish(
         with contextlib.suppress(OSError, AssertionError):
             client = DrainClient("127.0.0.1", port, scene, address=address)
             try:
-                client.hello(credit_bytes=0, token=token, release_factor=4.0)
+                client.hello(credit_bytes=0, token=token)
                 left, began_s = BURST, time.monotonic()
                 while going():
                     count = min(16, left + int(WISHES_PER_S * (time.monotonic() - began_s)))
@@ -133,18 +138,24 @@ def _wish(
     return done
 
 
-def _ask(client: DrainClient, kind: type[Land | Aim], count: int) -> None:
+def _ask(client: DrainClient, kind: type[Land | Prefetch], count: int) -> None:
     """Ask so many times in one write, and read until the newest is answered."""
     first = client.generation + 1
     client.generation += count
-    client.send(*(_wanted(kind, first + at) for at in range(count)))
+    wishes = [_wanted(kind, first + at) for at in range(count)]
+    client.send(*wishes, Pick(request=client.generation, origin=(-9e6, 0.0, 0.0)))
     while True:
         answer = client.message()
-        if isinstance(answer, Plan | Prefetch) and answer.generation == client.generation:
+        if isinstance(answer, Picked) and answer.request == client.generation:
             return
-        assert isinstance(answer, Plan | Prefetch | Superseded), answer
+        assert isinstance(answer, Plan | Picked), answer
 
 
-def _wanted(kind: type[Land | Aim], generation: int) -> Message:
-    position = (500.0 + 10 * (generation % 16), 0.0, 500.0)
-    return kind(generation=generation, position=position, radius_m=RADIUS_M)
+def _wanted(kind: type[Land | Prefetch], generation: int) -> Message:
+    return kind(
+        generation=generation,
+        position=(500.0 + 10 * (generation % 16), 0.0, 500.0),
+        radius_m=RADIUS_M,
+        have=_KEYS,
+        taken_bytes=0,
+    )

@@ -44,7 +44,7 @@ def upgrade_request(scene: str) -> bytes:
     return (
         f"GET /scenes/{scene}/stream HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\n"
         "Connection: Upgrade\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
-        "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: terraport.v1.msgpack\r\n\r\n"
+        "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: terraport.v2.msgpack\r\n\r\n"
     ).encode()
 
 

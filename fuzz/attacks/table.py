@@ -11,7 +11,7 @@ import contextlib
 import random
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
@@ -20,21 +20,10 @@ from attacks.peers import BINARY, CONT, PING, frame
 from attacks.plans import BURST, WISHES_PER_S
 from attacks.requests import flood
 from attacks.strangers import Attack, Going, hold, upgrade_request
-from numpy.typing import NDArray
 from parts.drain_client import DrainClient
 
-from terraport_wire import (
-    HELD_DTYPE,
-    MAX_HELD_SEGMENTS,
-    MAX_INTEGER,
-    Credit,
-    Held,
-    Land,
-    Message,
-    Pick,
-    Reject,
-    encode,
-)
+from terraport_wire import MAX_INTEGER, Credit, Message, Pick, encode
+from terraport_wire.protocol_2 import KEY_DTYPE, MAX_HAVE, MAX_WITHOUT, Land
 
 __all__ = ["TABLE_ATTACKS", "TABLE_CLIENT_ATTACKS", "TABLE_STRANGER_ATTACKS"]
 
@@ -100,7 +89,6 @@ class _Client:
     """Messages of a turn, counted from 0."""
     frames: bytes = b""
     """Sent each turn, as they stand."""
-    hello: dict[str, Any] = field(default_factory=dict)
     credit_bytes: int = 0
     turns_per_s: float = WISHES_PER_S
     burst: int = BURST
@@ -109,18 +97,13 @@ class _Client:
     """Turns; then another comes in its place. 0: stays."""
 
 
-def _held(ids: NDArray[np.int64], _turn: int) -> list[Message]:
-    table = np.zeros(MAX_HELD_SEGMENTS, dtype=HELD_DTYPE)
-    table["id"] = ids
-    return [Held(segments=table)]
+_KEYS: Final = np.random.default_rng(20).integers(0, 1 << 63, MAX_HAVE).astype(KEY_DTYPE)
 
 
-_IN_ORDER: Final = np.arange(MAX_HELD_SEGMENTS)
-_OUT_OF_ORDER: Final = np.random.default_rng(20).permutation(MAX_HELD_SEGMENTS)
-
-
-def _land(turn: int) -> Land:
-    return Land(generation=turn + 1, position=(500.0 + turn % 16, 0.0, 500.0), radius_m=100.0)
+def _land(turn: int, radius_m: float = 100.0, **fields: Any) -> Land:
+    fields = {"have": _KEYS[:0], "taken_bytes": 0} | fields
+    position = (500.0 + turn % 16, 0.0, 500.0)
+    return Land(generation=turn + 1, position=position, radius_m=radius_m, **fields)
 
 
 def _pick(turn: int) -> list[Message]:
@@ -135,14 +118,6 @@ def _long_pick(turn: int) -> list[Message]:
     return [Pick(request=turn, origin=origin, direction=(1.0, 1e-4, 1e-3))]
 
 
-def _wide_land(turn: int) -> list[Message]:
-    return [Land(generation=turn + 1, position=(500.0, 0.0, 500.0), radius_m=500.0)]
-
-
-def _reject(turn: int) -> list[Message]:
-    return [Reject(generation=1, segment=turn % 1000, reason="hash_mismatch")]
-
-
 _CLIENTS: Final[dict[str, _Client]] = {
     "hello, and silence": _Client(),
     "all seats": _Client(clients=32),
@@ -154,17 +129,11 @@ _CLIENTS: Final[dict[str, _Client]] = {
                                   turns_per_s=WISHES_PER_S / 2),
     "credit without bound": _Client(says=lambda _: [Credit(bytes=MAX_INTEGER)] * 8, burst=70,
                                     turns_per_s=WISHES_PER_S / 8),
-    "held again and again": _Client(says=partial(_held, _IN_ORDER), burst=70,
-                                    turns_per_s=WISHES_PER_S / 9),
-    "held out of order": _Client(says=partial(_held, _OUT_OF_ORDER), burst=70,
-                                 turns_per_s=WISHES_PER_S / 9),
-    "pulled again and again": _Client(says=lambda turn: [_land(turn)], hello={"delivery": "pull"}),
+    "landings with all keys": _Client(says=lambda turn: [_land(turn, have=_KEYS)]),
+    "landings without": _Client(says=lambda turn: [_land(turn, without=_KEYS[:MAX_WITHOUT])]),
     "picks": _Client(says=_pick),
-    "rejects": _Client(says=_reject),
     "long picks": _Client(says=_long_pick),
-    "comes and goes": _Client(says=_wide_land, leaves_after=1),
-    "comes with all it holds": _Client(hello={"held": _held(_OUT_OF_ORDER, 0)[0].segments},
-                                       leaves_after=1),
+    "comes and goes": _Client(says=lambda turn: [_land(turn, 500.0)], leaves_after=1),
     "deep messages": _Client(frames=frame(BINARY, _DEEP) * 4, turns_per_s=WISHES_PER_S / 4,
                              burst=BURST // 4),
 }  # fmt: skip
@@ -195,7 +164,7 @@ def _clients(kind: _Client, port: int, scene: str, token: str, going: Going, add
         if len(clients) < kind.clients:
             with contextlib.suppress(OSError, AssertionError):
                 client = DrainClient("127.0.0.1", port, scene, address=address)
-                client.hello(credit_bytes=kind.credit_bytes, token=token, **kind.hello)
+                client.hello(credit_bytes=kind.credit_bytes, token=token)
                 client.socket.setblocking(False)
                 clients[client] = (0, time.monotonic())
         time.sleep(0.002)
