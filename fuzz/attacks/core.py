@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from attacks.messages import Corpus, sensible, sensible_hello
 
-from terraport_payload import Cover
+from terraport_payload import Cover, box_distances_m
 from terraport_payload.hidden import HiddenFaces
 from terraport_server.session.interface import (
     Close,
@@ -75,7 +75,9 @@ def make_view(seed: int) -> SceneView:
         version="v",
         name="Fuzz",
         encodings={"segment-2": table},
-        within=lambda _centre, _radius_m: np.arange(SEGMENTS, dtype=np.int64),
+        within=lambda centre, radius_m: np.flatnonzero(
+            box_distances_m(table.bounds, centre) <= radius_m
+        ),
         hidden_faces=HiddenFaces(cover, SEGMENTS),
     )
 

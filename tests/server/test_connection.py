@@ -337,6 +337,17 @@ def test_no_pong_follows_the_close_frame(scenes: Path) -> None:
         assert len(data) == close_at + 2 + data[close_at + 1]
 
 
+def test_nothing_follows_the_close_frame_for_a_broken_frame(scenes: Path) -> None:
+    """Its close frame must not leave with the pong of a ping before it, ahead of an answer."""
+    with BackgroundServer(scenes) as server, raw_connect(server.port) as raw:
+        broken = b"\x41\x80" + bytes(4)
+        raw.sendall(frame(PING, b"x") + frame(TEXT, b"") + broken)
+        data = drained(raw)
+    close_at = data.rindex(b"\x88")
+    assert close_code(data) == 1002
+    assert len(data) == close_at + 2 + data[close_at + 1]
+
+
 @pytest.mark.parametrize("by_the_byte", [True, False])
 def test_messages_arrive_in_order_however_they_are_cut(scenes: Path, by_the_byte: bool) -> None:
     with BackgroundServer(scenes, close_timeout_s=0.5) as server, raw_connect(server.port) as raw:

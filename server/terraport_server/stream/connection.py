@@ -218,6 +218,10 @@ class Connection(asyncio.Protocol):
             del self._unparsed[: self._slice_bytes]
             self._protocol.receive_data(piece)
             events = self._protocol.events_received()
+            if self._protocol.parser_exc is not None:
+                # Its close frame waits behind pongs already: nothing may be answered any more.
+                self._end()
+                return
             self._slice_bytes = min(2 * self._slice_bytes, _MOST_SLICE_BYTES)
             if events:
                 self._slice_bytes = _LEAST_SLICE_BYTES
@@ -226,7 +230,7 @@ class Connection(asyncio.Protocol):
                     self._begin(event)
                 elif isinstance(event, Frame):
                     self._on_frame(event)
-            if self._protocol.parser_exc is not None or self._protocol.handshake_exc is not None:
+            if self._protocol.handshake_exc is not None:
                 self._end()
                 return
             if events and self._unparsed:  # others first
