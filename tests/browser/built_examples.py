@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-__all__ = ["EXAMPLES", "built_examples"]
+__all__ = ["EXAMPLES", "built_examples", "served"]
 
 WEB = Path(__file__).resolve().parents[2] / "client_sdk" / "web"
 EXAMPLES = WEB / "examples"
@@ -53,6 +53,13 @@ def built_examples(folder: Path, *examples: Path, three: str = "three") -> Itera
             check=True,
             capture_output=True,
         )
+    with served(folder) as origin:
+        yield origin
+
+
+@contextlib.contextmanager
+def served(folder: Path) -> Iterator[str]:
+    """Serve a folder of files; the origin."""
     handler = functools.partial(_Quiet, directory=str(folder))
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         thread = threading.Thread(target=server.serve_forever, daemon=True)

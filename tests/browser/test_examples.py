@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browser.built_examples import EXAMPLES, built_examples
+from browser.built_examples import EXAMPLES, built_examples, served
 from browser.small_scenes import SMALL
 from browser.watched_page import Watch, save_shot
 from faults.service import Service
@@ -35,17 +35,32 @@ def example(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         yield origin
 
 
+def _with_package(name: str, folder: Path, package: str) -> Path:
+    """Copy an example that needs a package which is no dependency of ours, with that package."""
+    tools = os.environ.get("TERRAPORT_TILES_TOOLS")
+    if tools is None or not (Path(tools) / "node_modules" / package).is_dir():
+        pytest.skip(f"no folder with `npm i {package}` in TERRAPORT_TILES_TOOLS")
+    app = folder / name
+    shutil.copytree(EXAMPLES / name, app)
+    (app / "node_modules").symlink_to(Path(tools).resolve() / "node_modules")
+    return app
+
+
 @pytest.fixture(scope="module")
 def babylon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Origin of the example in Babylon.js, which is no dependency: 97 MB for one page."""
-    tools = os.environ.get("TERRAPORT_TILES_TOOLS")
-    if tools is None or not (Path(tools) / "node_modules" / "@babylonjs" / "core").is_dir():
-        pytest.skip("no folder with `npm i @babylonjs/core` in TERRAPORT_TILES_TOOLS")
+    """Origin of the example in Babylon.js."""
     folder = tmp_path_factory.mktemp("babylon")
-    app = folder / "app" / "babylon"
-    shutil.copytree(EXAMPLES / "babylon", app)
-    (app / "node_modules").symlink_to(Path(tools).resolve() / "node_modules")
+    app = _with_package("babylon", folder / "app", "@babylonjs/core")
     with built_examples(folder / "out", app) as origin:
+        yield origin
+
+
+@pytest.fixture(scope="module")
+def cesium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Origin of the example in CesiumJS, which needs no bundler."""
+    folder = tmp_path_factory.mktemp("cesium")
+    _with_package("cesium", folder, "cesium")
+    with served(folder) as origin:
         yield origin
 
 
@@ -274,3 +289,14 @@ def test_the_example_of_babylon_lands_by_the_core_alone(page: Page, babylon: str
         assert page.evaluate(drawn) == page.evaluate("residency.visible")
         # Less is hidden of the base by a smaller landing.
         assert page.evaluate("ground.getTotalIndices() / 3") > base_faces
+
+
+def test_the_example_of_cesium_draws_the_live_tileset(page: Page, cesium: str) -> None:
+    """Detail near the camera, base behind it, no request to any other host."""
+    with _serve(SAMPLE.parent, cesium) as running:
+        page.goto(f"{cesium}/cesium/?scene={running.url}/scenes/{SAMPLE.name}")
+        page.wait_for_function("window.tileset?.tilesLoaded && tileset.totalMemoryUsageInBytes > 0")
+        page.wait_for_timeout(1000)  # a frame with all of it
+        drawn = page.evaluate("tileset.statistics.numberOfTrianglesSelected")
+        assert drawn > 1000
+        save_shot(page, "example-cesium")
