@@ -45,7 +45,7 @@ def main() -> None:
     scenes = [CORPUS / "tiny"] if options.smoke else options.scenes
     if not scenes:
         parser.error("got no scene, expected one or more")
-    table = Table("scene", "detail", "base", "base.glb", "cover", "of all", "image", "p99 of")
+    table = Table("scene", "detail", "base", "base.tsg", "cover", "of all", "image", "p99 of")
     for heading in ("colours", "lit", "95 %", "worst camera"):
         table.add_column(heading, justify="right")
     for path in scenes:
@@ -78,7 +78,7 @@ def row(path: Path, cameras: int, pictures: Path | None) -> list[str]:
             save_png(np.concatenate(shaded, axis=1), pictures / name)
     # (3) Sizes.
     files = manifest.files
-    base_bytes, cover_bytes = files["base.glb"].bytes, files["base.cover"].bytes
+    base_bytes, cover_bytes = files["base.tsg"].bytes, files["base.cover"].bytes
     whole = sum(file.bytes for file in files.values())
     all_bare = np.concatenate(bare)
     side = manifest.textures.base_side if manifest.textures else 0

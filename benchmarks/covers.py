@@ -44,7 +44,7 @@ def main() -> None:
     columns: dict[str, dict[str, str]] = {}
     for path in scenes:
         with Scene.open(path) as scene:
-            columns[path.name] = facts(scene.cover, scene.manifest.files["base.glb"].bytes)
+            columns[path.name] = facts(scene.cover, scene.manifest.files["base.tsg"].bytes)
     table = Table("", *columns)
     for name in next(iter(columns.values())):
         table.add_row(name, *(column[name] for column in columns.values()))

@@ -28,13 +28,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from terraport_payload import SegmentMesh, box_distances_m, decode_glb, decode_segment
+from terraport_payload import SegmentMesh, box_distances_m, decode_segment
 from terraport_pipeline.engines.coarser import coarser
 from terraport_pipeline.engines.images import decode_image
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.cover.handoff_rays import hidden_base_faces
 from terraport_pipeline.stages.pack import encode_payload
 from terraport_store import Scene
+from terraport_store.layout import BASE
 
 SURVEY: Final = Path(__file__).resolve().parents[1] / "data" / "sample_quarry_60k.laz"
 EYE_M: Final = 1.7
@@ -120,7 +121,7 @@ class Bench:
             ]
             coarse = [decode_segment(payload, scales=scales) for payload in payloads]
             lengths = np.array([len(payload) for payload in payloads])
-        base = decode_glb(scene.base_path.read_bytes())
+        base = scene.file_mesh(BASE)
         self.image = None if base.texture is None else decode_image(base.texture.data)
         self.levels = (soup(detail), soup(coarse))
         self.base = soup([base])

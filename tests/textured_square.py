@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from PIL import Image
 
-from terraport_payload import Cover, SegmentMesh, Texture, encode_glb, encode_segment
+from terraport_payload import Cover, SegmentMesh, Texture, encode_segment
 from terraport_payload.types import UInt8
 from terraport_store import BuildInfo, CrsInfo, HandOff, SceneInfo, SceneWriter, TextureInfo
 
@@ -59,7 +59,7 @@ def write_square(path: Path, *, sliver: bool = False) -> bytes:
     with SceneWriter(path) as writer:
         writer.add_segment(encode_segment(mesh, step_m=2.0**-10, scales={}), region=0)
         writer.set_base(
-            encode_glb(base, step_m=2.0**-10, attribute_scales={}, keep_face_order=True),
+            encode_segment(base, step_m=2.0**-10, scales={}),
             Cover(np.array([0, 1, 2], np.uint32), np.array([0, 0], np.uint32)),
         )
         writer.set_regions({"regions": [{"id": 0}]})

@@ -6,23 +6,23 @@ from pathlib import Path
 
 import numpy as np
 
-from terraport_payload import Cover, SegmentMesh, encode_glb
+from terraport_payload import Cover, SegmentMesh, encode_segment
 from terraport_store import BuildInfo, HandOff, Manifest, SceneInfo, SceneWriter
 
-__all__ = ["TILE_M", "base_glb", "scene_info", "write_random_scene"]
+__all__ = ["TILE_M", "base_payload", "scene_info", "write_random_scene"]
 
 TILE_M = 10.0
 """Width of a segment."""
 
 
-def base_glb() -> bytes:
+def base_payload() -> bytes:
     """One triangle: trials of the stream do not look at the base."""
     triangle = SegmentMesh(
         positions=np.array([[0, 0, 0], [0, 0, 1], [1, 0, 0]], dtype=np.float32),
         faces=np.array([[0, 1, 2]], dtype=np.uint32),
         normals=np.tile(np.array([0, 1, 0], dtype=np.float32), (3, 1)),
     )
-    return encode_glb(triangle, step_m=2.0**-10, attribute_scales={}, keep_face_order=True)
+    return encode_segment(triangle, step_m=2.0**-10, scales={})
 
 
 def scene_info(name: str) -> SceneInfo:
@@ -70,5 +70,5 @@ def write_random_scene(
                 texture=(0, 0, 0),
             )
         offsets = np.array([0, 0], dtype=np.uint32)
-        writer.set_base(base_glb(), Cover(offsets, np.zeros(0, dtype=np.uint32)))
+        writer.set_base(base_payload(), Cover(offsets, np.zeros(0, dtype=np.uint32)))
         return writer.publish(scene_info("trial"))

@@ -32,7 +32,7 @@ _ASKED: Final[dict[str, Callable[[], list[str]]]] = {
     "regions": lambda: ["GET /scenes/SCENE/regions.json"],
     "strokes": lambda: ["GET /scenes/SCENE/strokes"],
     "taught": lambda: ["GET /scenes/SCENE/taught"],
-    "bases": lambda: ["GET /scenes/SCENE/base.glb"],
+    "bases": lambda: ["GET /scenes/SCENE/base.tsg", "GET /scenes/SCENE/base.glb"],
     "metrics": lambda: ["GET /metrics"],
     "readiness": lambda: ["GET /readyz"],
 }

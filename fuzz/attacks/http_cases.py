@@ -43,14 +43,15 @@ _LEAKS: Final = ("Traceback", "site-packages", "/terraport_server/", "uvicorn", 
 
 _PATHS: Final = (
     "/", "/healthz", "/readyz", "/metrics", "/docs", "/openapi.json", "/scenes", "/scenes/pit",
-    "/scenes/pit/base.glb", "/scenes/pit/base.cover", "/scenes/pit/regions.json",
+    "/scenes/pit/base.tsg", "/scenes/pit/base.glb", "/scenes/pit/base.cover",
+    "/scenes/pit/regions.json",
     "/scenes/pit/labels.json", "/scenes/pit/segments/0.glb", "/scenes/pit/segments/99999.glb",
     "/scenes/pit/segments/-1.glb", "/scenes/pit/segments/1e9.glb", "/scenes/pit/report",
     "/scenes/pit/stream", "/scenes/../canary", "/scenes/%2e%2e/canary", "/scenes/..%2fcanary",
     "/scenes/pit/../../canary", "/scenes/pit/segments/..%2f..%2fscene.json", "//canary",
     "/\\canary",
     "/scenes/%00", "/scenes/%ff%fe", "/scenes/\u00e9", "/scenes/" + "x" * 3000, "*", "http://evil/scenes",
-    "/scenes/pit/base.glb?v=%00", "/scenes?" + "a=b&" * 500, "",
+    "/scenes/pit/base.tsg?v=%00", "/scenes?" + "a=b&" * 500, "",
 )  # fmt: skip
 _METHODS: Final = (
     "GET",

@@ -26,14 +26,14 @@ def plain_requests(port: int, scene: str, _token: str, going: Going, address: st
 
 def odd_requests(port: int, scene: str, _token: str, going: Going, address: str) -> int:
     """Ask for everything in the costliest ways: long names and queries, many headers, ranges."""
-    path = "/scenes/" + "%F0%9F%A6%8A" * 2000 + "/base.glb"
+    path = "/scenes/" + "%F0%9F%A6%8A" * 2000 + "/base.tsg"
     query = "&".join(f"v{number}=%C3%A4" for number in range(1500))
     headers = "".join(f"X-{number}: {number}\r\n" for number in range(1500))
     ranges = "Range: bytes=" + ",".join(f"{number}-{number}" for number in range(8)) + "\r\n"
     requests = [
         f"GET {path} HTTP/1.1\r\n",
         f"GET /scenes/{scene}?{query} HTTP/1.1\r\n",
-        f"HEAD /scenes/{scene}/base.glb HTTP/1.1\r\n{headers}",
+        f"HEAD /scenes/{scene}/base.tsg HTTP/1.1\r\n{headers}",
         f"GET /scenes/{scene}/segments/1.glb HTTP/1.1\r\n{ranges}",
         f"OPTIONS /scenes/{scene} HTTP/1.1\r\nOrigin: http://x\r\n",
         "GET /healthz HTTP/1.1\r\n",

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from parts.random_scene import TILE_M, base_glb, scene_info
+from parts.random_scene import TILE_M, base_payload, scene_info
 
 from terraport_payload import Cover, SegmentMesh, encode_segment
 from terraport_store import SceneWriter
@@ -31,5 +31,5 @@ def write_small_scene(path: Path) -> None:
             )
             writer.add_segment(encode_segment(mesh, step_m=2.0**-10, scales={}), region=0)
         offsets = np.array([0, 0], dtype=np.uint32)
-        writer.set_base(base_glb(), Cover(offsets, np.zeros(0, dtype=np.uint32)))
+        writer.set_base(base_payload(), Cover(offsets, np.zeros(0, dtype=np.uint32)))
         writer.publish(scene_info("fuzz"))

@@ -58,10 +58,10 @@ _REQUESTS: Final[dict[str, tuple[str, ...]]] = {
         f"GET /scenes/SCENE/{name} HTTP/1.1\r\nRange: bytes="
         + ",".join(f"{2 * at}-{2 * at}" for at in range(1000))
         + "\r\n"
-        for name in ("base.glb", "segments/1.glb")
+        for name in ("base.tsg", "segments/1.glb")
     ),
     "heads": (
-        "HEAD /scenes/SCENE/base.glb HTTP/1.1\r\n",
+        "HEAD /scenes/SCENE/base.tsg HTTP/1.1\r\n",
         "HEAD /scenes/SCENE/segments/1.glb HTTP/1.1\r\n",
         "HEAD / HTTP/1.1\r\n",
     ),

@@ -69,8 +69,8 @@ PREVIEW: Final = "preview.jpg"
 FORMAT_VERSION: Final = "1.0"
 """What is written; every 1.x is read."""
 
-BASE: Final = "base.glb"
-OVERVIEW: Final = "overview.glb"
+BASE: Final = "base.tsg"
+OVERVIEW: Final = "overview.tsg"
 COVER: Final = "base.cover"
 REGIONS: Final = "regions.json"
 

@@ -20,11 +20,15 @@ from terraport_payload.segment_format import MAX_ATTRIBUTES
 from terraport_payload.types import AnyFloat, Float64
 from terraport_store.errors import DamagedSceneError
 from terraport_store.layout import (
+    BASE,
+    COVER,
     ENCODING,
     FORMAT_VERSION,
+    INDEX,
     MANIFEST_NAME,
     MAX_LEVELS,
     MAX_MANIFEST_BYTES,
+    REGIONS,
 )
 
 __all__ = [
@@ -280,7 +284,7 @@ class Manifest(_Frozen):
     @property
     def folder(self) -> str:
         """Folder of this version, relative to the scene directory."""
-        return self.files["base.glb"].path.partition("/")[0]
+        return self.files[BASE].path.partition("/")[0]
 
     def _document(self) -> dict[str, Any]:
         """Give the plain values; what a scene does not use changes none of its bytes."""
@@ -337,7 +341,7 @@ class Manifest(_Frozen):
             first = error.errors(include_url=False)[0]
             where = ".".join(str(step) for step in first["loc"])
             raise DamagedSceneError(MANIFEST_NAME, f"field {where!r}: {first['msg']}") from None
-        needed = {"base.glb", "base.cover", "regions.json", "segments.idx"}
+        needed = {BASE, COVER, REGIONS, INDEX}
         for encoding in manifest.encodings.values():
             needed |= {encoding.pack, encoding.index}
         missing = sorted(needed - set(manifest.files))
@@ -383,5 +387,12 @@ def _check_format(document: Any) -> None:
         raise DamagedSceneError(
             MANIFEST_NAME,
             f"segments are stored as {names}, expected {ENCODING}; build the scene again with this "
+            "version",
+        )
+    files = document.get("files")
+    if isinstance(files, Mapping) and BASE not in files and "base.glb" in files:
+        raise DamagedSceneError(
+            MANIFEST_NAME,
+            f"the base is stored as base.glb, expected {BASE}; build the scene again with this "
             "version",
         )

@@ -191,7 +191,7 @@ class Scene:
 
     @property
     def base_path(self) -> Path:
-        """The base mesh's GLB of this version."""
+        """The file of this version's base mesh."""
         return self.file_path(BASE)
 
     @cached_property
@@ -308,10 +308,31 @@ class Scene:
 
     def glb(self, segment_id: int) -> bytes:
         """Make a GLB of one segment, for programs that know glTF; errors as for :meth:`mesh`."""
-        manifest = self.manifest
-        return encode_glb(
-            self.mesh(segment_id), step_m=manifest.step_m, attribute_scales=manifest.scales
-        )
+        return self._as_glb(self.mesh(segment_id))
+
+    def file_mesh(self, key: str) -> SegmentMesh:
+        """Read and decode the base or the overview.
+
+        Parameters
+        ----------
+        key : str
+            ``base.tsg`` or ``overview.tsg``.
+
+        Raises
+        ------
+        KeyError
+            When the scene has no such file.
+        OSError
+            When it cannot be read.
+        PayloadError
+            When it is damaged.
+        """
+        return decode_segment(self.file_path(key).read_bytes(), scales=self.manifest.scales)
+
+    def file_glb(self, key: str) -> bytes:
+        """Make a GLB of the base or the overview; arguments and errors as for :meth:`file_mesh`."""
+        # Clients that still read base.glb count its faces as the cover does.
+        return self._as_glb(self.file_mesh(key), keep_face_order=key == BASE)
 
     def compare(self, segment_id: int, encoding: str, data: bytes | memoryview) -> bool:
         """Compare a whole payload that the caller has read with its hash, as :meth:`payload` does.
@@ -447,6 +468,14 @@ class Scene:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+    def _as_glb(self, mesh: SegmentMesh, *, keep_face_order: bool = False) -> bytes:
+        return encode_glb(
+            mesh,
+            step_m=self.manifest.step_m,
+            attribute_scales=self.manifest.scales,
+            keep_face_order=keep_face_order,
+        )
 
     def _compare(self, segment_id: int, encoding: str, data: bytes | memoryview) -> tuple[int, int]:
         """Note whether a payload has its hash; return the one that it should have, and has."""

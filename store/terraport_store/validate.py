@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 import xxhash
 
-from terraport_payload import PayloadError, SegmentMesh, decode_glb
+from terraport_payload import PayloadError, SegmentMesh
 from terraport_store.errors import DamagedSceneError
 from terraport_store.files import SceneFiles
 from terraport_store.findings import Finding, Findings
@@ -280,7 +280,7 @@ class _SceneCheck:
     def base(self, scene: Scene) -> SegmentMesh | None:
         file, counts = scene.manifest.files[BASE].path, scene.manifest.counts
         try:
-            mesh = decode_glb(scene.base_path.read_bytes())
+            mesh = scene.file_mesh(BASE)
         except PayloadError as error:
             self.out.error("base-decode", file, error.what, offset=error.offset)
             return None
@@ -300,7 +300,7 @@ class _SceneCheck:
             return
         file = scene.manifest.files[OVERVIEW].path
         try:
-            mesh = decode_glb(scene.file_path(OVERVIEW).read_bytes())
+            mesh = scene.file_mesh(OVERVIEW)
         except PayloadError as error:
             self.out.error("overview-decode", file, error.what, offset=error.offset)
             return

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from terraport_payload import PayloadError, SegmentMesh
-from terraport_payload.grid import grid_codes
+from terraport_payload.grid import MAX_CODE, grid_codes
 from terraport_payload.types import Float32, Float64
 from terraport_store.errors import CorruptPayloadError, RangeError
 from terraport_store.findings import Findings
@@ -137,6 +137,9 @@ def check_mesh_fits(
     except PayloadError as error:
         out.error("grid", file, error.what, segment=segment)
         return
+    span = int((codes.max(axis=0) - codes.min(axis=0)).max())
+    if segment is not None and span > MAX_CODE:
+        out.error("wide", file, f"{span} steps wide, expected at most {MAX_CODE}", segment=segment)
     off = np.flatnonzero((codes * manifest.step_m != mesh.positions).any(axis=1))
     if len(off):
         out.error(

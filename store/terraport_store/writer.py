@@ -6,7 +6,7 @@
         for payload in payloads:                   # in Morton or Hilbert order
             writer.add_segment(payload, region=region)
         # where there are two levels, the coarser one of each segment now, in the same order
-        writer.set_base(base_glb, cover)
+        writer.set_base(base, cover)
         writer.set_regions(facts)
         manifest = writer.publish(info)
 
@@ -28,7 +28,7 @@ import numpy as np
 import xxhash
 from pydantic import JsonValue
 
-from terraport_payload import Cover, decode_glb, decode_segment
+from terraport_payload import Cover, decode_segment
 from terraport_payload.segment_format import segment_texture
 from terraport_store.assembly import MeshShape, SceneInfo, assemble_manifest
 from terraport_store.errors import PublishError
@@ -169,37 +169,37 @@ class SceneWriter:
         self._regions.append((region, region_count))
         return len(self._shapes) - 1
 
-    def set_base(self, glb: bytes, cover: Cover, overview: bytes | None = None) -> None:
+    def set_base(self, base: bytes, cover: Cover, overview: bytes | None = None) -> None:
         """Write the base mesh, the table of segments over its faces, and what is shown before.
 
         Parameters
         ----------
-        glb : bytes
-            From ``encode_glb(..., keep_face_order=True)``.
+        base : bytes
+            From ``encode_segment(..., may_be_wide=True)``.
         cover : Cover
-            One row per base face.
+            One row per face of the base, in its order.
         overview : bytes, optional
-            From ``encode_glb``; None where the base is small enough to be the first picture.
+            From the same; None where the base is small enough to be the first picture.
 
         Raises
         ------
         OutOfSpaceError
             When the disk is full; everything written so far is deleted.
         PayloadError
-            When a GLB cannot be decoded, or the cover is beyond the format's limits.
+            When a mesh cannot be decoded, or the cover is beyond the format's limits.
         PublishError
             When the cover has another number of faces, or a base was set before.
         """
         self._require_open()
         if self._base is not None:
             raise PublishError("base set twice, expected once")
-        shape = MeshShape.of(decode_glb(glb))
+        shape = MeshShape.of(decode_segment(base, scales=None))
         if cover.base_faces != shape.faces:
             raise PublishError(f"cover of {cover.base_faces} base faces, expected {shape.faces}")
         if overview is not None:
-            decode_glb(overview)
+            decode_segment(overview, scales=None)
             self._write(OVERVIEW, overview)
-        self._write(BASE, glb)
+        self._write(BASE, base)
         self._write(COVER, cover.to_bytes())
         self._base = shape
         self._last_covering = int(cover.segments.max(initial=0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,7 +17,6 @@ from browser.watched_page import Watch, save_shot
 from faults.service import Service
 from playwright.sync_api import Page, Route, expect
 
-from terraport_payload import decode_glb
 from terraport_store import Scene
 from terraport_store.layout import OVERVIEW
 
@@ -186,9 +186,9 @@ def test_the_overview_is_there_before_the_base(page: Page, example: str, tmp_pat
     """One can look and land while the base is held back; that landing is shown when it came."""
     shutil.copytree(SAMPLE, tmp_path / "scenes" / SAMPLE.name)
     with Scene.open(SAMPLE) as scene:
-        overview_faces = len(decode_glb(scene.file_path(OVERVIEW).read_bytes()).faces)
+        overview_faces = len(scene.file_mesh(OVERVIEW).faces)
     held_back: list[Route] = []
-    page.context.route("**/base.glb*", lambda route: held_back.append(route))
+    page.context.route(re.compile(r"/base\.(glb|tsg)"), lambda route: held_back.append(route))
     with _serve(tmp_path / "scenes", example, token="sixteen-characters") as running:
         _opened(page, example, f"{running.url}/scenes/{SAMPLE.name}", at="0 3 0", radius="6")
         _told(page, "opened")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +13,6 @@ from faults.service import Service
 from playwright.sync_api import Page, Request, Route
 
 import terraport_server
-from terraport_payload import decode_glb
 from terraport_store import Scene
 from terraport_store.layout import OVERVIEW
 
@@ -34,10 +34,10 @@ def test_the_overview_is_there_before_the_base(
     held_back: list[Route] = []
     shutil.copytree(SAMPLE, tmp_path / "scenes" / "sample_scene")
     with Scene.open(SAMPLE) as scene:
-        overview_faces = len(decode_glb(scene.file_path(OVERVIEW).read_bytes()).faces)
+        overview_faces = len(scene.file_mesh(OVERVIEW).faces)
     with Service(tmp_path / "scenes") as running:
         page.on("requestfinished", came)
-        page.context.route("**/base.glb*", lambda route: held_back.append(route))
+        page.context.route(re.compile(r"/base\.(glb|tsg)"), lambda route: held_back.append(route))
         viewer = DrivenViewer(page, running.url, "sample_scene")
         viewer.open()
         # The overview's list of faces is drawn, while the base has not even been sent.
@@ -46,7 +46,7 @@ def test_the_overview_is_there_before_the_base(
         # Workers' scripts are not in these sizes: counted from the disk, as they are sent.
         worker_bytes = sum(path.stat().st_size for path in ASSETS.glob("*.worker-*.js.br"))
         assert held_back
-        assert not any("base.glb" in url for url in received)
+        assert not any(re.search(r"/base\.(glb|tsg)", url) for url in received)
         assert sum(received.values()) + worker_bytes < MAX_FIRST_BYTES
 
         # A landing that is asked for now waits for base and cover.

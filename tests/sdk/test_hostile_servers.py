@@ -200,7 +200,7 @@ def test_a_web_page_is_no_scene() -> None:
     ("answers", "error", "text"),
     [
         (
-            {"/scenes/x": {"files": {}}, "/scenes/x/base.glb": b"no mesh"},
+            {"/scenes/x": {"files": {}}, "/scenes/x/base.tsg": b"no mesh"},
             ProtocolViolationError,
             "base mesh: ",
         ),

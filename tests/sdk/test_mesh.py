@@ -16,7 +16,7 @@ from terraport.cache import CachedSegment
 from terraport.errors import MissingExtraError, ProtocolViolationError, UsageError
 from terraport.landing import Segment
 from terraport.mesh import concatenate, mixed_model, to_trimesh, write_glb
-from terraport_payload import SegmentMesh, Texture, decode_glb, encode_glb
+from terraport_payload import SegmentMesh, Texture, decode_glb, encode_segment
 
 
 @pytest.fixture
@@ -157,7 +157,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path, base: BaseMesh) -> N
 
 
 def test_a_base_mesh_that_cannot_be_decoded_is_a_violation() -> None:
-    glb = encode_glb(tile(0), step_m=STEP_M, attribute_scales=SCALES, keep_face_order=True)
-    assert len(BaseMesh.of("v", glb).mesh.faces) == len(tile(0).faces)
+    data = encode_segment(tile(0), step_m=STEP_M, scales=SCALES)
+    assert len(BaseMesh.of("v", data, SCALES).mesh.faces) == len(tile(0).faces)
     with pytest.raises(ProtocolViolationError, match="base mesh: "):
-        BaseMesh.of("v", glb[:-8])
+        BaseMesh.of("v", data[:-8], SCALES)

@@ -125,7 +125,7 @@ def write_grid_scene(
                 faces=len(mesh.faces),
             )
         writer.set_base(
-            encode_glb(base, step_m=STEP_M, attribute_scales=SCALES, keep_face_order=True),
+            encode_segment(base, step_m=STEP_M, scales=SCALES),
             _cover(),
         )
         writer.set_regions(_regions(stable_ids))

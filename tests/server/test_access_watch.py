@@ -92,7 +92,7 @@ def test_each_way_to_show_a_signed_token_and_each_scene_by_itself(server: Backgr
     signed = token()
     assert opens(server, signed) == 200
     assert opens(server, signed, "/scenes/quarry") == 403
-    assert opens(server, signed, "/scenes/quarry/base.glb") == 403
+    assert opens(server, signed, "/scenes/quarry/base.tsg") == 403
     assert opens(server, signed, "/scenes/quarry/segments/0.glb") == 403
     listed = httpx.get(f"{server.url}/scenes", headers={"Authorization": f"Bearer {signed}"})
     assert [scene["id"] for scene in listed.json()["scenes"]] == ["pit"]

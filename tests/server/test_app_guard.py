@@ -23,12 +23,13 @@ METRICS = "metrics-sixteen-characters"
 
 PATHS = [
     "/", "/scenes", "/scenes/", "/scenes/pit", "/scenes/pit/", "/scenes/atlantis",
-    "/scenes/pit/base.glb", "/scenes/pit/base.cover", "/scenes/pit/regions.json",
+    "/scenes/pit/base.tsg", "/scenes/pit/base.glb", "/scenes/pit/base.cover",
+    "/scenes/pit/regions.json",
     "/scenes/pit/labels.json", "/scenes/pit/segments/0.glb", "/scenes/pit/segments/999.glb",
     "/scenes/pit/segments/-1.glb", "/scenes/pit/segments/abc.glb", "/scenes/pit/segments/1e9.glb",
     "/scenes/pit/segments/99999999999999999999999999999999.glb", "/scenes/pit/report",
-    "/scenes/pit/base.glb?v=", "/scenes/pit/base.glb?v=" + "9" * 4000,
-    "/scenes/pit/base.glb?v=%00", "/scenes/pit/stream", "/healthz", "/readyz", "/metrics",
+    "/scenes/pit/base.tsg?v=", "/scenes/pit/base.tsg?v=" + "9" * 4000,
+    "/scenes/pit/base.tsg?v=%00", "/scenes/pit/stream", "/healthz", "/readyz", "/metrics",
     "/redoc", "/openapi.json", "/favicon.ico", "/.env", "/.git/config", "/scenes/..%2f..%2fetc",
     "/scenes/%2e%2e/%2e%2e/etc/passwd", "/../../etc/passwd", "//etc/passwd", "/scenes/pit%00",
     "/scenes/pit/../../../etc/passwd", "/scenes/%ff%fe", "/scenes/" + "a" * 3000,
@@ -145,7 +146,7 @@ def test_no_header_brings_it_out(
     caplog.set_level(logging.ERROR)
     lines = "".join(f"{name}: {value}\r\n" for name, value in headers.items())
     close = "" if "Connection" in headers else "Connection: close\r\n"
-    for path in ("/scenes/pit/base.glb", "/scenes/pit/stream", "/nowhere"):
+    for path in ("/scenes/pit/base.tsg", "/scenes/pit/stream", "/nowhere"):
         request = f"GET {path} HTTP/1.1\r\nHost: localhost\r\n{close}{lines}\r\n".encode("latin-1")
         check(ask(server, request), request, folder)
     assert not caplog.records
@@ -170,7 +171,7 @@ def test_a_token_is_asked_for_before_anything_is_told(guarded: BackgroundServer)
 
 
 def test_several_ranges_are_answered_by_the_whole(server: BackgroundServer) -> None:
-    url = f"{server.url}/scenes/pit/base.glb"
+    url = f"{server.url}/scenes/pit/base.tsg"
     whole = httpx.get(url)
     many = httpx.get(url, headers={"Range": "bytes=" + ",".join(["0-"] * 9)})
     assert (many.status_code, many.content) == (200, whole.content)
@@ -268,7 +269,7 @@ def test_pages_of_allowed_origins_may_read_answers(folder: Path) -> None:
     with BackgroundServer(
         folder, token=TOKEN, allowed_origins=("https://viewer.example",)
     ) as running:
-        url = f"{running.url}/scenes/pit/base.glb"
+        url = f"{running.url}/scenes/pit/base.tsg"
         allowed = httpx.options(url, headers=preflight)
         assert allowed.headers["access-control-allow-origin"] == "https://viewer.example"
         other = httpx.options(url, headers=preflight | {"Origin": "https://evil.example"})

@@ -17,9 +17,11 @@ import pytest
 from server.grid_scene import GridScene, write_grid_scene
 from server.plain_client import PlainClient
 
+from terraport_payload.glb_container import split_glb
 from terraport_server import BackgroundServer
 from terraport_store import Scene, change_labels
 from terraport_store.labels import parse_labels
+from terraport_store.layout import BASE
 
 TOKEN = "sixteen-characters"
 
@@ -168,6 +170,8 @@ def test_many_scenes_are_listed_whole(tmp_path: Path) -> None:
 def test_one_scene_is_its_manifest_with_addresses(http: httpx.Client, grid: GridScene) -> None:
     document = http.get("/scenes/grid").json()
     manifest = grid.manifest.model_dump(mode="json")
+    # Clients that still read base.glb find it here, too.
+    del document["files"]["base.glb"]
     assert {key: document[key] for key in manifest} == manifest
     assert document["id"] == "grid"
     assert document["links"]["stream"] == "scenes/grid/stream"
@@ -176,7 +180,7 @@ def test_one_scene_is_its_manifest_with_addresses(http: httpx.Client, grid: Grid
 @pytest.mark.parametrize(
     ("path", "media_type"),
     [
-        ("base.glb", "model/gltf-binary"),
+        ("base.tsg", "application/vnd.terraport.segment"),
         ("base.cover", "application/octet-stream"),
         ("regions.json", "application/json"),
     ],
@@ -200,10 +204,24 @@ def test_files_are_the_published_bytes(
     assert other.status_code == 200
 
 
-def test_a_version_in_the_address_is_cached_for_ever(http: httpx.Client, grid: GridScene) -> None:
+def test_the_base_as_glb(http: httpx.Client, grid: GridScene) -> None:
     answer = http.get("/scenes/grid/base.glb", params={"v": grid.manifest.version})
+    assert answer.headers["content-type"] == "model/gltf-binary"
     assert answer.headers["cache-control"] == "public, max-age=31536000, immutable"
-    unknown = http.get("/scenes/grid/base.glb", params={"v": "0" * 32})
+    with Scene.open(grid.path) as scene:
+        base = scene.file_mesh(BASE)
+        assert answer.content == scene.file_glb(BASE)
+    document, _, _ = split_glb(answer.content)
+    count = document["accessors"][document["meshes"][0]["primitives"][0]["indices"]]["count"]
+    assert count == 3 * len(base.faces)
+    again = http.get("/scenes/grid/base.glb", headers={"If-None-Match": answer.headers["etag"]})
+    assert (again.status_code, again.content) == (304, b"")
+
+
+def test_a_version_in_the_address_is_cached_for_ever(http: httpx.Client, grid: GridScene) -> None:
+    answer = http.get("/scenes/grid/base.tsg", params={"v": grid.manifest.version})
+    assert answer.headers["cache-control"] == "public, max-age=31536000, immutable"
+    unknown = http.get("/scenes/grid/base.tsg", params={"v": "0" * 32})
     assert unknown.status_code == 404
     assert unknown.json()["error"]["code"] == "unknown_scene"
 
@@ -216,14 +234,14 @@ def test_an_unknown_segment(http: httpx.Client, number: str) -> None:
 
 
 def test_an_unknown_scene(http: httpx.Client) -> None:
-    for path in ("/scenes/atlantis", "/scenes/atlantis/base.glb", "/scenes/..%2F..%2Fetc"):
+    for path in ("/scenes/atlantis", "/scenes/atlantis/base.tsg", "/scenes/..%2F..%2Fetc"):
         answer = http.get(path)
         assert answer.status_code == 404
         assert "/work" not in answer.text
 
 
 def test_a_small_base_has_no_overview(http: httpx.Client) -> None:
-    assert http.get("/scenes/grid/overview.glb").json()["error"]["code"] == "unknown_overview"
+    assert http.get("/scenes/grid/overview.tsg").json()["error"]["code"] == "unknown_overview"
     assert "overview" not in http.get("/scenes/grid").json()["links"]
 
 
@@ -279,7 +297,7 @@ def test_a_report_that_is_a_link_out_of_the_scene_is_not_served(
         folder.unlink(missing_ok=True)
 
 
-@pytest.mark.parametrize("key", ["base.glb", "base.cover", "regions.json"])
+@pytest.mark.parametrize("key", ["base.tsg", "base.cover", "regions.json"])
 def test_a_file_that_became_a_link_out_of_the_scene_is_not_served(tmp_path: Path, key: str) -> None:
     grid = write_grid_scene(tmp_path / "scenes" / "grid", cells=2)
     with (
@@ -299,7 +317,7 @@ def test_health_readiness_metrics_and_documentation(http: httpx.Client) -> None:
     assert metrics.headers["content-type"].startswith("text/plain; version=0.0.4")
     assert "terraport_event_loop_lag_seconds_bucket" in metrics.text
     assert http.get("/docs").status_code == 200
-    assert "/scenes/{scene_id}/base.glb" in http.get("/openapi.json").json()["paths"]
+    assert "/scenes/{scene_id}/base.tsg" in http.get("/openapi.json").json()["paths"]
 
 
 def test_a_service_without_scenes_is_not_ready(tmp_path: Path) -> None:
@@ -314,7 +332,7 @@ def test_a_service_without_scenes_is_not_ready(tmp_path: Path) -> None:
     [
         "/scenes",
         "/scenes/grid",
-        "/scenes/grid/base.glb",
+        "/scenes/grid/base.tsg",
         "/scenes/grid/base.cover",
         "/scenes/grid/regions.json",
         "/scenes/grid/labels.json",

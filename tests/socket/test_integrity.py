@@ -164,7 +164,7 @@ def test_a_scene_published_during_a_session(own: GridScene) -> None:
                 assert assemble(frames) == dict(list(enumerate(new.payloads))[1:])
             served = server.service.registry.get("own", own.manifest.version)
             assert not served.closed
-            base = httpx.get(f"{url}/base.glb", params={"v": own.manifest.version})
+            base = httpx.get(f"{url}/base.tsg", params={"v": own.manifest.version})
             assert base.status_code == 200
         eventually(lambda: served.closed)
 

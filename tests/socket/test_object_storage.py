@@ -163,10 +163,10 @@ def test_everything_beside_the_stream_is_there_too(
     with serve(url, tmp_path) as server, httpx.Client(base_url=server.url) as http:
         listed = http.get("/scenes").json()["scenes"]
         assert [scene["id"] for scene in listed] == ["pit", "well"]
-        for key in ("base.glb", "base.cover", "regions.json"):
+        for key in ("base.tsg", "base.cover", "regions.json"):
             file = pit.path / pit.manifest.files[key].path
             assert http.get(f"/scenes/pit/{key}").content == file.read_bytes()
-        partial = http.get("/scenes/pit/base.glb", headers={"range": "bytes=10-29"})
+        partial = http.get("/scenes/pit/base.tsg", headers={"range": "bytes=10-29"})
         assert partial.status_code == 206
         assert len(partial.content) == 20
         assert http.get("/scenes/pit/segments/5.glb").content == pit.glb(5)

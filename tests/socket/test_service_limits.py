@@ -63,7 +63,7 @@ def test_the_audience_is_the_setting(folder: Path, tmp_path: Path) -> None:
     with BackgroundServer(
         folder, token_keys_file=tmp_path / "keys", token_audience="pit-service"
     ) as server:
-        url = f"{server.url}/scenes/pit/base.glb"
+        url = f"{server.url}/scenes/pit/base.tsg"
 
         def ask(audience: str | None) -> int:
             token = make_token(

@@ -95,10 +95,10 @@ def test_the_folder_itself_may_be_a_link(tmp_path: Path) -> None:
     write_tiny_scene(tmp_path / "disk" / "scene")
     (tmp_path / "scene").symlink_to(tmp_path / "disk" / "scene")
     with Scene.open(tmp_path / "scene") as scene:
-        assert scene.file_path("base.glb").is_file()
+        assert scene.file_path("base.tsg").is_file()
 
 
-@pytest.mark.parametrize("key", ["segments.idx", "segments.pack", "base.glb", "base.cover"])
+@pytest.mark.parametrize("key", ["segments.idx", "segments.pack", "base.tsg", "base.cover"])
 def test_a_scene_with_a_file_elsewhere_is_not_opened(tmp_path: Path, key: str) -> None:
     write_tiny_scene(tmp_path / "scene")
     with Scene.open(tmp_path / "scene") as scene:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from server.grid_scene import SCALES, STEP_M, GridScene, tile_mesh, write_grid_scene
 
-from terraport_payload import encode_glb, encode_segment
+from terraport_payload import encode_segment
 from terraport_store import PublishError, Scene, SceneWriter, validate_scene
 
 
@@ -62,7 +62,7 @@ def test_a_level_with_another_border_or_box_is_told(tmp_path: Path, two: GridSce
             )
         base = tile_mesh(0, 0, 6, tiles=6)
         writer.set_base(
-            encode_glb(base, step_m=STEP_M, attribute_scales=SCALES, keep_face_order=True),
+            encode_segment(base, step_m=STEP_M, scales=SCALES),
             scene.cover,
         )
         writer.set_regions(scene.regions)

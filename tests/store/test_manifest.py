@@ -59,12 +59,12 @@ def test_unknown_keys_are_skipped_but_digested(document: dict[str, Any]) -> None
         (["counts"], None, "field 'counts'"),
         (["encodings"], {"glb": {}}, "segments are stored as glb, expected segment-2; build the"),
         (["encodings", "segment-2", "pack"], "other.pack", "no file 'other.pack' in files"),
-        (["files", "base.glb", "path"], "../../etc/passwd", r"field 'files\.base\.glb\.path'"),
-        (["files", "base.glb", "path"], "/etc/passwd", r"field 'files\.base\.glb\.path'"),
-        (["files", "base.glb", "path"], "v-1/..", r"field 'files\.base\.glb\.path'"),
-        (["files", "base.glb", "path"], "base.glb", r"field 'files\.base\.glb\.path'"),
-        (["files", "base.glb", "xxh3"], "00", r"field 'files\.base\.glb\.xxh3'"),
-        (["files", "base.glb", "bytes"], 1.5, r"field 'files\.base\.glb\.bytes'"),
+        (["files", "base.tsg", "path"], "../../etc/passwd", r"field 'files\.base\.tsg\.path'"),
+        (["files", "base.tsg", "path"], "/etc/passwd", r"field 'files\.base\.tsg\.path'"),
+        (["files", "base.tsg", "path"], "v-1/..", r"field 'files\.base\.tsg\.path'"),
+        (["files", "base.tsg", "path"], "base.tsg", r"field 'files\.base\.tsg\.path'"),
+        (["files", "base.tsg", "xxh3"], "00", r"field 'files\.base\.tsg\.xxh3'"),
+        (["files", "base.tsg", "bytes"], 1.5, r"field 'files\.base\.tsg\.bytes'"),
     ],
 )
 def test_names_the_wrong_field(
@@ -79,7 +79,7 @@ def test_names_the_wrong_field(
     assert caught.value.file == "scene.json"
 
 
-@pytest.mark.parametrize("key", ["base.glb", "base.cover", "regions.json", "segments.idx"])
+@pytest.mark.parametrize("key", ["base.tsg", "base.cover", "regions.json", "segments.idx"])
 def test_needed_files(document: dict[str, Any], key: str) -> None:
     del document["files"][key]
     with pytest.raises(DamagedSceneError, match=f"no file '{key}' in files"):

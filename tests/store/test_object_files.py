@@ -11,7 +11,6 @@ import pytest
 from s3_servers import s3_environment
 from store.tiny_scene import TinyScene, write_tiny_scene
 
-from terraport_payload import decode_glb
 from terraport_store import (
     DamagedSceneError,
     OriginError,
@@ -22,6 +21,7 @@ from terraport_store import (
     read_manifest,
     validate_scene,
 )
+from terraport_store.layout import BASE
 from terraport_store.object_files import ObjectStorage
 from terraport_store.origin import ObjectOptions, Origin
 from terraport_store.upload import upload_scene
@@ -43,7 +43,7 @@ def test_a_scene_reads_as_from_its_folder(url: str, tiny: TinyScene) -> None:
     with Scene.open(url) as scene:
         assert scene.manifest == tiny.manifest == read_manifest(url)
         assert scene.regions["regions"][1] == {"id": 1, "label": "bench"}
-        assert len(decode_glb(scene.base_path.read_bytes()).faces) == 32
+        assert len(scene.file_mesh(BASE).faces) == 32
         assert [bytes(scene.payload(n)) for n in range(4)] == tiny.payloads
         assert scene.within((0.1, 1.0, -0.1), 0.3).tolist() == [0]
         folder = scene.path
@@ -68,7 +68,7 @@ def test_validate_finds_nothing_or_names_it(url: str, tiny: TinyScene) -> None:
 
 
 @pytest.mark.parametrize(
-    "key", ["base.glb", "base.cover", "regions.json", "segments.idx", "segments.pack"]
+    "key", ["base.tsg", "base.cover", "regions.json", "segments.idx", "segments.pack"]
 )
 def test_a_missing_or_changed_file_is_named(url: str, tiny: TinyScene, key: str) -> None:
     upload_scene(tiny.path, url)
@@ -149,7 +149,7 @@ def test_copies_of_dead_processes_are_swept(tmp_path: Path) -> None:
         "from terraport_store.object_files import ObjectStorage\n"
         "from terraport_store.origin import ObjectOptions\n"
         "storage = ObjectStorage(ObjectOptions(cache_dir=Path(sys.argv[1])))\n"
-        "(storage.new_copy().path / 'base.glb').write_bytes(b'x')\n"
+        "(storage.new_copy().path / 'base.tsg').write_bytes(b'x')\n"
         "os._exit(0)\n"
     )
     subprocess.run([sys.executable, "-c", script, str(tmp_path)], check=True, timeout=60)

@@ -150,7 +150,7 @@ def test_disk_full_from_the_start(small_disk: Path) -> None:
     assert not (small_disk / "s").exists()
 
 
-@pytest.mark.parametrize("limit_bytes", [0, 500, 1000, 2000, 3000])
+@pytest.mark.parametrize("limit_bytes", [0, 300, 500, 1000, 2000])
 def test_file_size_limit_reached(tmp_path: Path, limit_bytes: int) -> None:
     """The same without a file system of its own: a limit of the process."""
     scene = tmp_path / "s"

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from store.tiny_scene import TinyScene, add_encoding, base_cover, write_tiny_scene
 
-from terraport_payload import decode_glb
 from terraport_store import (
     CorruptPayloadError,
     DamagedSceneError,
@@ -17,7 +16,7 @@ from terraport_store import (
     read_manifest,
 )
 from terraport_store.files import FolderFiles
-from terraport_store.layout import ENCODING
+from terraport_store.layout import BASE, ENCODING
 
 
 def flip(path: Path, offset: int) -> None:
@@ -34,7 +33,7 @@ def test_reads_what_was_written(tiny: TinyScene) -> None:
         assert len(scene.index) == 4
         assert np.array_equal(scene.cover.segments, base_cover().segments)
         assert scene.regions["regions"][1] == {"id": 1, "label": "bench"}
-        assert len(decode_glb(scene.base_path.read_bytes()).faces) == 32
+        assert len(scene.file_mesh(BASE).faces) == 32
         for segment, payload in enumerate(tiny.payloads):
             assert bytes(scene.payload(segment)) == payload
         assert scene.within((0.1, 1.0, -0.1), 0.3).tolist() == [0]
@@ -129,7 +128,7 @@ def test_flipped_byte_in_small_files(tiny: TinyScene, name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["base.cover", "base.glb", "regions.json", "segments.idx", "segments.pack"]
+    "name", ["base.cover", "base.tsg", "regions.json", "segments.idx", "segments.pack"]
 )
 def test_missing_or_shortened_file_is_named(tiny: TinyScene, name: str) -> None:
     path = tiny.path / tiny.manifest.files[name].path

@@ -14,6 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from terraport_payload import Cover, SegmentMesh, decode_glb
 from terraport_payload.glb_container import split_glb
 from terraport_store import CrsInfo, Scene
+from terraport_store.layout import BASE
 from terraport_store.tiles.base_image import BaseImage
 from terraport_store.tiles.cells import CELL_RADIUS_M, CELL_SEGMENTS, cells_of, part_faces
 from terraport_store.tiles.placing import place_scene
@@ -32,7 +33,7 @@ class Tiled:
         self.manifest = scene.manifest
         self.bounds = scene.index.bounds
         self.tiles = SceneTiles.of(
-            scene.base_path.read_bytes(),
+            scene.file_mesh(BASE),
             scene.cover,
             self.bounds,
             self.manifest.hand_off.deviation_m,

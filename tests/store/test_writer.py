@@ -15,13 +15,11 @@ from store.tiny_scene import (
     write_tiny_scene,
 )
 
-from terraport_payload import Cover, PayloadError, decode_segment, encode_glb, encode_segment
+from terraport_payload import Cover, PayloadError, decode_segment, encode_segment
 from terraport_store import OutOfSpaceError, PublishError, Scene, SceneWriter, validate_scene
 
 PAYLOAD = encode_segment(lattice_mesh(0, 0), step_m=STEP_M, scales=SCALES)
-BASE = encode_glb(
-    lattice_mesh(0, 0, 4, stride=3), step_m=STEP_M, attribute_scales=SCALES, keep_face_order=True
-)
+BASE = encode_segment(lattice_mesh(0, 0, 4, stride=3), step_m=STEP_M, scales=SCALES)
 
 
 def files_below(path: Path) -> dict[str, bytes]:
@@ -38,7 +36,7 @@ def test_same_input_same_bytes(tmp_path: Path) -> None:
 
 def test_what_lies_in_the_directory(tiny: TinyScene) -> None:
     folder = f"v-{tiny.manifest.version[:12]}"
-    names = ["base.cover", "base.glb", "regions.json", "segments.idx", "segments.pack"]
+    names = ["base.cover", "base.tsg", "regions.json", "segments.idx", "segments.pack"]
     assert sorted(files_below(tiny.path)) == ["scene.json", *(f"{folder}/{n}" for n in names)]
 
 

@@ -19,7 +19,6 @@ from terraport_payload import (
     Cover,
     SegmentMesh,
     Texture,
-    encode_glb,
     encode_segment,
     gltf_attribute_name,
 )
@@ -132,7 +131,7 @@ def write_tiny_scene(
         for (i, j), payload in zip(tiles, payloads, strict=True):
             writer.add_segment(payload, region=(i + j) // CELLS)
         writer.set_base(
-            encode_glb(base, step_m=STEP_M, attribute_scales=SCALES, keep_face_order=True),
+            encode_segment(base, step_m=STEP_M, scales=SCALES),
             base_cover(),
         )
         writer.set_regions(tiny_regions(stable_ids))

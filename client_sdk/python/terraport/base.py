@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from terraport.errors import ProtocolViolationError
-from terraport_payload import PayloadError, SegmentMesh, decode_glb
+from terraport_payload import AttributeScale, PayloadError, SegmentMesh, decode_segment
 
 __all__ = ["BaseMesh"]
 
@@ -24,8 +25,8 @@ class BaseMesh:
         return f"<BaseMesh of version {self.version[:12]}: {self.mesh!r}>"
 
     @classmethod
-    def of(cls, version: str, glb: bytes) -> BaseMesh:
-        """Decode what the server gives as ``base.glb``.
+    def of(cls, version: str, data: bytes, scales: Mapping[str, AttributeScale]) -> BaseMesh:
+        """Decode ``base.tsg``, with the scales of the scene's attributes.
 
         Raises
         ------
@@ -33,6 +34,6 @@ class BaseMesh:
             It cannot be decoded.
         """
         try:
-            return cls(version, decode_glb(glb))
+            return cls(version, decode_segment(data, scales=scales))
         except PayloadError as error:
             raise ProtocolViolationError(f"base mesh: {error}") from error

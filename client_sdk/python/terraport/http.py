@@ -124,14 +124,16 @@ class SceneHttp:
         ProtocolViolationError
             What came cannot be decoded.
         """
-        files = (await self.manifest(version)).get("files", {})
-        name = re.sub(r"\W", "", str(files.get("base.glb", {}).get("xxh3") or version))
+        manifest = await self.manifest(version)
+        scales = scales_of(manifest)
+        xxh3 = manifest.get("files", {}).get("base.tsg", {}).get("xxh3")
+        name = re.sub(r"\W", "", str(xxh3 or version))
         data = None if disk is None else await asyncio.to_thread(disk.get_base, name)
         if data is None:
-            data = await self._get(f"{self._url.http}/base.glb", version, _MAX_BASE_BYTES)
+            data = await self._get(f"{self._url.http}/base.tsg", version, _MAX_BASE_BYTES)
             if disk is not None:
                 await asyncio.to_thread(disk.put_base, name, data, keep())
-        return await asyncio.to_thread(BaseMesh.of, version, data)
+        return await asyncio.to_thread(BaseMesh.of, version, data, scales)
 
     async def places(self, version: str) -> tuple[Place, ...]:
         """Return the named regions of a version, under the names that they have now.

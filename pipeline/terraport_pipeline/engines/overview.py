@@ -6,16 +6,18 @@ colours are means of the base's over the ground that each vertex stands for.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from terraport_payload import SegmentMesh, decode_glb, encode_glb, snap
+from terraport_payload import SegmentMesh, decode_segment, encode_segment, snap
 from terraport_payload.types import Bool, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.engines.decimate import decimate
 from terraport_pipeline.engines.images import decode_image
 from terraport_pipeline.geometry.mesh.vertex_normals import vertex_normals
+from terraport_pipeline.geometry.segments.strip_order import strip_order
 
 __all__ = ["MAX_FACES", "MIN_BASE_BYTES", "overview_of", "overview_payload"]
 
@@ -26,13 +28,13 @@ MIN_BASE_BYTES: Final = 256 << 10
 """A smaller base is there as soon as its overview would be, and has none."""
 
 
-def overview_payload(base_glb: bytes, step_m: float) -> bytes | None:
-    """Make ``overview.glb`` of a base that is written.
+def overview_payload(base_payload: bytes, step_m: float) -> bytes | None:
+    """Make ``overview.tsg`` of a base that is written.
 
     Parameters
     ----------
-    base_glb : bytes
-        ``base.glb``.
+    base_payload : bytes
+        ``base.tsg``.
     step_m : float
         Grid step of the scene, metres.
 
@@ -42,13 +44,15 @@ def overview_payload(base_glb: bytes, step_m: float) -> bytes | None:
         None where the base is small, has no more faces than its overview would, or has an image
         that nothing here decodes (KTX2).
     """
-    if len(base_glb) < MIN_BASE_BYTES:
+    if len(base_payload) < MIN_BASE_BYTES:
         return None
-    base = decode_glb(base_glb)
+    base = decode_segment(base_payload, scales=None)
     is_opaque = base.texture is not None and base.texture.media_type == "image/ktx2"
     if len(base.faces) <= MAX_FACES or is_opaque:
         return None
-    return encode_glb(overview_of(base, step_m), step_m=step_m, attribute_scales={})
+    overview = overview_of(base, step_m)
+    ordered = replace(overview, faces=overview.faces[strip_order(overview.faces)])
+    return encode_segment(ordered, step_m=step_m, scales={}, may_be_wide=True)
 
 
 def overview_of(base: SegmentMesh, step_m: float, max_faces: int = MAX_FACES) -> SegmentMesh:

@@ -16,6 +16,7 @@ from typing import Any, Final
 
 from terraport_pipeline.progress import Progress
 from terraport_store import Scene, read_names
+from terraport_store.layout import BASE
 from terraport_store.tiles.placing import place_scene
 from terraport_store.tiles.scene_tiles import SceneTiles
 from terraport_store.tiles.tile_glb import TileFacts, encode_tile
@@ -66,9 +67,7 @@ def write_tiles(
     manifest = scene.manifest
     placing = place_scene(manifest, height_shift_m=height_shift_m)
     deviation_m = manifest.hand_off.deviation_m
-    tiles = SceneTiles.of(
-        scene.base_path.read_bytes(), scene.cover, scene.index.bounds, deviation_m
-    )
+    tiles = SceneTiles.of(scene.file_mesh(BASE), scene.cover, scene.index.bounds, deviation_m)
     tileset = Tileset.of(
         tiles.cells,
         scene.index.bounds,

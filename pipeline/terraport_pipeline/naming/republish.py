@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from terraport_payload import AttributeScale, SegmentMesh, decode_glb, encode_glb
+from terraport_payload import AttributeScale, SegmentMesh, decode_segment, encode_segment
 from terraport_payload.types import Bool, Float32, Int32, Int64, UInt8
 from terraport_pipeline.engines.coarser import levels_of
 from terraport_pipeline.engines.overview import overview_payload
@@ -234,8 +234,8 @@ def _base(
     starts: Int64,
 ) -> bytes:
     """Give the base the regions of the detail over it; the same bytes where none changes."""
-    glb = scene.base_path.read_bytes()
-    mesh = decode_glb(glb)
+    data = scene.base_path.read_bytes()
+    mesh = decode_segment(data, scales=scales)
 
     def pieces() -> Iterator[tuple[Float32, Int32, Int32]]:
         for begin, end in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
@@ -243,10 +243,10 @@ def _base(
 
     regions = base_regions(mesh.positions, pieces())
     if regions is None or (mesh.region_ids is not None and (regions == mesh.region_ids).all()):
-        return glb
-    return encode_glb(
+        return data
+    return encode_segment(
         replace(mesh, region_ids=regions),
         step_m=scene.manifest.step_m,
-        attribute_scales=scales,
-        keep_face_order=True,
+        scales=scales,
+        may_be_wide=True,
     )

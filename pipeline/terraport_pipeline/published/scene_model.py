@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from terraport_payload import Cover, PayloadError, SegmentMesh, decode_glb
+from terraport_payload import Cover, PayloadError, SegmentMesh
 from terraport_payload.types import Bool, Float32, Int32, Int64
 from terraport_pipeline.engines.texturing import Texturing
 from terraport_pipeline.errors import ResourceError
@@ -27,6 +27,7 @@ from terraport_pipeline.published.scene_textures import (
     open_images,
 )
 from terraport_store import DamagedSceneError, Manifest, Scene
+from terraport_store.layout import BASE
 
 __all__ = ["WHOLE_FACES", "SceneModel", "load_scene_model"]
 
@@ -283,9 +284,9 @@ def _decoded(scene: Scene, segment: int) -> SegmentMesh:
 
 def _decoded_base(scene: Scene, image: int) -> tuple[Mesh, TextureParts]:
     try:
-        mesh = decode_glb(scene.base_path.read_bytes())
+        mesh = scene.file_mesh(BASE)
     except PayloadError as error:
-        raise DamagedSceneError(scene.manifest.files["base.glb"].path, str(error)) from None
+        raise DamagedSceneError(scene.manifest.files[BASE].path, str(error)) from None
     count = len(mesh.positions)
     textures = TextureParts(count, len(mesh.faces))
     colours = textures.add(image, mesh, slice(0, count), slice(0, len(mesh.faces)))

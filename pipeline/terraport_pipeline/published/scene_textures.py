@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from terraport_payload import PayloadError, SegmentMesh, decode_glb
+from terraport_payload import PayloadError, SegmentMesh
 from terraport_payload.types import Bool, Float32, Int32, UInt8
 from terraport_pipeline.engines.texturing import (
     MAX_HALVINGS,
@@ -23,6 +23,7 @@ from terraport_pipeline.engines.texturing import (
 )
 from terraport_pipeline.errors import EngineError
 from terraport_store import DamagedSceneError, Scene
+from terraport_store.layout import BASE
 
 __all__ = ["SceneTextures", "TextureParts", "colours_from_texture", "open_images"]
 
@@ -82,7 +83,7 @@ def open_images(path: Path, version: str, sizes: Mapping[int, tuple[int, int]]) 
                 )
             is_base = image == len(scene.index)
             try:
-                mesh = decode_glb(scene.base_path.read_bytes()) if is_base else scene.mesh(image)
+                mesh = scene.file_mesh(BASE) if is_base else scene.mesh(image)
             except PayloadError as error:
                 raise DamagedSceneError("segments.pack", f"segment {image}: {error}") from None
         if mesh.texture is None:

@@ -24,7 +24,7 @@ from terraport_pipeline.report.survey_crs import crs_line, tiles_line
 from terraport_pipeline.report.survey_units import SurveyUnit
 from terraport_pipeline.survey.one_survey import OUTSIDE
 from terraport_store import DamagedSceneError, Manifest, RegionNames, Scene, read_labels
-from terraport_store.layout import ENCODING
+from terraport_store.layout import BASE, ENCODING
 
 __all__ = [
     "ReportFacts",
@@ -246,7 +246,7 @@ def _cards(scene: Scene, total_bytes: int) -> tuple[dict[str, str], ...]:
         {
             "label": "base",
             "value": f"{counts.base_faces:,}",
-            "note": f"triangles, {format_bytes(manifest.files['base.glb'].bytes)}",
+            "note": f"triangles, {format_bytes(manifest.files[BASE].bytes)}",
         },
         {
             "label": "segments",

@@ -26,7 +26,7 @@ from terraport_pipeline.options.pack import Options
 from terraport_pipeline.ordered import in_order
 from terraport_pipeline.stages.contract import Facts, Json
 from terraport_pipeline.stages.texture_set import TextureSet
-from terraport_store.layout import ENCODING
+from terraport_store.layout import BASE, COVER, ENCODING
 from terraport_store.manifest import BuildInfo, CrsInfo, Manifest, SurveyUnits
 
 __all__ = [
@@ -229,8 +229,8 @@ def pack_counts(manifest: Manifest, payload_bytes: list[int]) -> dict[str, Json]
         "payload_bytes": payload,
         "bytes_per_face": round(payload / max(manifest.counts.detail_faces, 1), 2),
         "segment_bytes": np.quantile(payload_bytes, QUANTILES).astype(int).tolist(),
-        "base_bytes": manifest.files["base.glb"].bytes,
-        "cover_bytes": manifest.files["base.cover"].bytes,
+        "base_bytes": manifest.files[BASE].bytes,
+        "cover_bytes": manifest.files[COVER].bytes,
         "max_segment_bytes": manifest.limits.max_segment_bytes,
         "step_m": manifest.step_m,
     }

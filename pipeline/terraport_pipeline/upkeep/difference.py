@@ -29,6 +29,8 @@ from terraport_store import (
     read_labels,
 )
 from terraport_store.layout import (
+    BASE,
+    COVER,
     INDEX,
     MAX_INDEX_BYTES,
     MAX_REGIONS_BYTES,
@@ -47,7 +49,7 @@ __all__ = [
     "side_facts",
 ]
 
-_LOADED: Final = ("base.glb", "base.cover")
+_LOADED: Final = (BASE, COVER)
 """What a client loads once, whole."""
 
 _SAME_SHARE: Final = 1e-9

@@ -28,7 +28,7 @@ from terraport_pipeline.validate.level_mixes import LevelMixReport, check_level_
 from terraport_pipeline.validate.scene_windows import prove_in_windows, segments_around
 from terraport_pipeline.validate.worst_place import compare_at
 from terraport_store import Manifest, Scene, SceneFiles, StoreError, read_manifest, scene_files
-from terraport_store.layout import OVERVIEW
+from terraport_store.layout import BASE, OVERVIEW
 from terraport_store.validate import Finding, validate_scene
 
 __all__ = ["ValidationOptions", "ValidationResult", "validate"]
@@ -238,9 +238,9 @@ def _judge(
     payloads: dict[str, bytes | memoryview] = {}
     try:
         with Scene.open(files) as scene:
-            payloads["base"] = scene.base_path.read_bytes()
+            payloads["base"] = scene.file_glb(BASE)
             if OVERVIEW in scene.manifest.files:
-                payloads["overview"] = scene.file_path(OVERVIEW).read_bytes()
+                payloads["overview"] = scene.file_glb(OVERVIEW)
             count = len(scene.index)
             for segment in np.unique(np.linspace(0, count - 1, min(sample, count)).astype(int)):
                 payloads[f"segment {segment}"] = scene.glb(int(segment))

@@ -9,7 +9,7 @@ from urllib.parse import quote
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.settings import Settings
 from terraport_store import SceneBuilding, path_inside
-from terraport_store.layout import OVERVIEW, PREVIEW, REPORT, REPORT_PDF
+from terraport_store.layout import BASE, OVERVIEW, PREVIEW, REPORT, REPORT_PDF
 
 __all__ = [
     "building_line",
@@ -43,7 +43,7 @@ def links_of(served: ServedScene) -> dict[str, str]:
     links = {
         "self": root,
         "stream": f"{root}/stream",
-        "base": f"{root}/base.glb{query}",
+        "base": f"{root}/{BASE}{query}",
         "cover": f"{root}/base.cover{query}",
         "regions": f"{root}/regions.json{query}",
         "labels": f"{root}/labels.json",

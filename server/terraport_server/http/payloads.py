@@ -1,6 +1,7 @@
 """Segments and packs over HTTP.
 
-``/scenes/ID/segments/N.glb`` is a segment as GLB, for other programs, made when it is asked for.
+``/scenes/ID/segments/N.glb``, ``base.glb`` and ``overview.glb`` are for other programs: GLBs, made
+when they are asked for.
 ``/scenes/ID/v-.../segments.pack`` is the pack of a version, which clients fetch in ranges; they
 compare each segment.
 """
@@ -14,23 +15,26 @@ from typing import Final
 from urllib.parse import unquote
 
 from fastapi import APIRouter, Request, Response
+from fastapi.responses import StreamingResponse
 
 from terraport_payload import PayloadError
 from terraport_server.errors import AccessError, RequestError, UnknownSceneError
 from terraport_server.http.responses import (
+    PIECE_BYTES,
     PackResponse,
     SceneOfRequest,
     ServiceOfRequest,
     caching_headers,
+    in_pieces,
     is_unchanged,
     token_of,
 )
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.service import Service
 from terraport_store import OriginError, StoreError
-from terraport_store.layout import ENCODING
+from terraport_store.layout import BASE, ENCODING, OVERVIEW
 
-__all__ = ["pack_routes", "payload_routes", "segment_faults", "segment_number"]
+__all__ = ["pack_routes", "payload_routes", "require_file", "segment_faults", "segment_number"]
 
 payload_routes = APIRouter()
 pack_routes = APIRouter()
@@ -57,6 +61,51 @@ async def get_segment(
     with segment_faults(service, served, number):
         data = await served.payloads.glb(number)
     return Response(data, 200, headers, "model/gltf-binary")
+
+
+@payload_routes.get("/scenes/{scene_id}/base.glb", summary="The base mesh as GLB")
+async def get_base_glb(
+    request: Request, served: SceneOfRequest, service: ServiceOfRequest, v: str | None = None
+) -> Response:
+    """Return the base as GLB."""
+    return await _file_as_glb(request, served, BASE, v, service)
+
+
+@payload_routes.get("/scenes/{scene_id}/overview.glb", summary="The overview as GLB")
+async def get_overview_glb(
+    request: Request, served: SceneOfRequest, service: ServiceOfRequest, v: str | None = None
+) -> Response:
+    """Return the overview as GLB; 404 for a small base, which needs none."""
+    return await _file_as_glb(request, served, OVERVIEW, v, service)
+
+
+async def _file_as_glb(
+    request: Request, served: ServedScene, key: str, version: str | None, service: Service
+) -> Response:
+    require_file(served, key)
+    etag = f'"{served.scene.manifest.files[key].xxh3}-glb"'
+    headers = caching_headers(etag, version, is_open=service.gate.is_open)
+    if is_unchanged(request, etag):
+        return Response(None, 304, headers)
+    try:
+        data = await served.glb(key)
+    except OSError:  # an old version whose files were deleted
+        raise UnknownSceneError(served.id, served.version) from None
+    except PayloadError as error:
+        served.tell_failure("file_damaged", None, error)
+        raise RequestError(500, "file_corrupt", f"{key} is damaged on the server's disk") from None
+    headers["Content-Length"] = str(len(data))
+    # In pieces, so that a slow client holds none of it but the one that is being sent.
+    pieces = (data[at : at + PIECE_BYTES] for at in range(0, len(data), PIECE_BYTES))
+    return StreamingResponse(in_pieces(pieces), headers=headers, media_type="model/gltf-binary")
+
+
+def require_file(served: ServedScene, key: str) -> None:
+    """Raise RequestError where a version has no overview."""
+    if key not in served.scene.manifest.files:
+        raise RequestError(
+            404, "unknown_overview", "the scene has no overview, since its base is small"
+        )
 
 
 @pack_routes.head("/scenes/{scene_id}/{folder}/{name}", include_in_schema=False)

@@ -23,6 +23,7 @@ from terraport_store.layout import ENCODING
 __all__ = [
     "CHECK",
     "FOREVER",
+    "PIECE_BYTES",
     "PRIVATE_FOREVER",
     "OpenFileResponse",
     "PackResponse",
@@ -39,7 +40,7 @@ PRIVATE_FOREVER: Final = "private, max-age=31536000, immutable"
 CHECK: Final = "no-cache"
 """Caches keep the answer and revalidate it each time."""
 
-_PIECE_BYTES: Final = 64 << 10
+PIECE_BYTES: Final = 64 << 10
 """Size of the pieces in which a long generated answer is sent."""
 
 _HAS_DESCRIPTORS: Final = Path("/dev/fd").is_dir()
@@ -199,7 +200,7 @@ async def in_pieces(pieces: Iterable[bytes]) -> AsyncIterator[bytes]:
     for piece in pieces:
         gathered.append(piece)
         size += len(piece)
-        if size >= _PIECE_BYTES:
+        if size >= PIECE_BYTES:
             yield b"".join(gathered)
             gathered, size = [], 0
             await asyncio.sleep(0)

@@ -11,11 +11,13 @@ from hashlib import sha256
 from http import HTTPStatus
 from typing import Annotated, Any
 
+import xxhash
 from fastapi import APIRouter, Depends, FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, PlainTextResponse, StreamingResponse
 from starlette.exceptions import HTTPException
 
+from terraport_payload import PayloadError
 from terraport_server.auth.gate import TokenPass
 from terraport_server.errors import AccessError, RequestError, UnknownSceneError, http_status
 from terraport_server.http.links import (
@@ -26,7 +28,7 @@ from terraport_server.http.links import (
     scene_path,
     service_links,
 )
-from terraport_server.http.payloads import pack_routes, payload_routes
+from terraport_server.http.payloads import pack_routes, payload_routes, require_file
 from terraport_server.http.plans import plan_routes
 from terraport_server.http.responses import (
     CHECK,
@@ -46,7 +48,7 @@ from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.service import Service
 from terraport_server.session.session import INTERNAL_TEXT
 from terraport_store import OriginError
-from terraport_store.layout import OVERVIEW, PREVIEW, REPORT, REPORT_PDF
+from terraport_store.layout import BASE, MEDIA_TYPE, OVERVIEW, PREVIEW, REPORT, REPORT_PDF
 from terraport_wire import ErrorCode
 
 __all__ = ["add_routes"]
@@ -118,28 +120,41 @@ async def get_scene(
         links = {**links, "strokes": f"{scene_path(served.id)}/strokes"}
     added = json.dumps({"id": served.id, "links": links}).encode()
     headers = {"Cache-Control": CHECK, "ETag": f'"{served.version}"', "Vary": "Authorization"}
-    document = served.manifest_json[:-1] + b"," + added[1:]
+    document = await _with_glbs(served, served.manifest_json[:-1] + b"," + added[1:])
     return Response(document, media_type="application/json", headers=headers)
 
 
-@_router.get("/scenes/{scene_id}/base.glb", summary="The base mesh")
+async def _with_glbs(served: ServedScene, document: bytes) -> bytes:
+    """Add base and overview as GLB to the files of a manifest, for clients that read those.
+
+    Temporary: delete it when no client reads base.glb any more.
+    """
+    manifest = served.scene.manifest
+    before, files, after = document.rpartition(b'"files":{')
+    for key in {BASE, OVERVIEW} & set(manifest.files):
+        with contextlib.suppress(PayloadError, OSError):
+            data, name = await served.glb(key), key.replace(".tsg", ".glb")
+            path, xxh3 = f"{manifest.folder}/{name}", xxhash.xxh3_64_hexdigest(data)
+            line = {"path": path, "bytes": len(data), "xxh3": xxh3}
+            files += f'"{name}":{json.dumps(line)},'.encode()
+    return before + files + after
+
+
+@_router.get("/scenes/{scene_id}/base.tsg", summary="The base mesh")
 def get_base(
     request: Request, served: SceneOfRequest, service: ServiceOfRequest, v: str | None = None
 ) -> Response:
     """Return the base mesh, or one byte range of it."""
-    return _file(request, served, "base.glb", "model/gltf-binary", v, service)
+    return _file(request, served, BASE, MEDIA_TYPE, v, service)
 
 
-@_router.get("/scenes/{scene_id}/overview.glb", summary="A coarse first picture")
+@_router.get("/scenes/{scene_id}/overview.tsg", summary="A coarse first picture")
 def get_overview(
     request: Request, served: SceneOfRequest, service: ServiceOfRequest, v: str | None = None
 ) -> Response:
     """Return the overview; 404 for a small base, which needs none."""
-    if OVERVIEW not in served.scene.manifest.files:
-        raise RequestError(
-            404, "unknown_overview", "the scene has no overview, since its base is small"
-        )
-    return _file(request, served, OVERVIEW, "model/gltf-binary", v, service)
+    require_file(served, OVERVIEW)
+    return _file(request, served, OVERVIEW, MEDIA_TYPE, v, service)
 
 
 @_router.get("/scenes/{scene_id}/base.cover", summary="Segments over each base face")

@@ -150,6 +150,9 @@ class ServedScene:
         )
         self.hashes = index.xxh3.data
         """xxh3 of each payload. A memoryview: one item of an array takes four times as long."""
+        self._readers = readers
+        self._glbs: dict[str, asyncio.Future[bytes]] = {}
+        """Base and overview as GLB, by the key of their file, from when they are first asked for."""
         self._failures: dict[str, SomePerMinute] = {}
         """Rate limit of log lines by event."""
         self._holders = 0
@@ -179,6 +182,29 @@ class ServedScene:
         finally:
             self.release()
         return data[:limit]
+
+    async def glb(self, key: str) -> bytes:
+        """Return the base or the overview as GLB, made in a thread when it is first asked for.
+
+        Raises
+        ------
+        PayloadError
+            When it is damaged.
+        OSError
+            When it cannot be read.
+        """
+        making = self._glbs.get(key)
+        if making is None or (making.done() and making.exception() is not None):
+            making = self._glbs[key] = asyncio.ensure_future(self._make_glb(key))
+        return await asyncio.shield(making)
+
+    async def _make_glb(self, key: str) -> bytes:
+        self.hold()
+        try:
+            loop = asyncio.get_running_loop()
+            return await loop.run_in_executor(self._readers, self.scene.file_glb, key)
+        finally:
+            self.release()
 
     def tell_failure(
         self,

@@ -16,6 +16,7 @@ import xxhash
 
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_store import read_names
+from terraport_store.layout import BASE
 from terraport_store.tiles.placing import place_scene
 from terraport_store.tiles.scene_tiles import SceneTiles
 from terraport_store.tiles.tile_glb import TileFacts
@@ -102,7 +103,7 @@ class TilesetCache:
 def _make(served: ServedScene) -> ServedTiles:
     scene = served.scene
     tiles = SceneTiles.of(
-        scene.base_path.read_bytes(),
+        scene.file_mesh(BASE),
         scene.cover,
         scene.index.bounds,
         scene.manifest.hand_off.deviation_m,

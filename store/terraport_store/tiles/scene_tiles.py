@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from terraport_payload import Cover, SegmentMesh, decode_glb
+from terraport_payload import Cover, SegmentMesh
 from terraport_payload.types import AnyFloat, Int64
 from terraport_store.tiles.base_image import BaseImage
 from terraport_store.tiles.cells import cells_of, part_faces
@@ -27,25 +27,21 @@ class SceneTiles:
     """Faces of the base by part, ascending: first those that segments replace, then the others."""
 
     @classmethod
-    def of(cls, base_glb: bytes, cover: Cover, bounds: AnyFloat, deviation_m: float) -> SceneTiles:
+    def of(
+        cls, base: SegmentMesh, cover: Cover, bounds: AnyFloat, deviation_m: float
+    ) -> SceneTiles:
         """Make the cells of a scene.
 
         Parameters
         ----------
-        base_glb : bytes
-            ``base.glb``.
+        base : SegmentMesh
+            The base, its faces in the order of the cover.
         cover : Cover
         bounds : ndarray of shape (S, 6)
             Boxes of the segments, metres, scene frame.
         deviation_m : float
             Measured distance of base and detail.
-
-        Raises
-        ------
-        PayloadError
-            When the base is damaged.
         """
-        base = decode_glb(base_glb)
         corners = base.positions[base.faces].astype(np.float64)
         edges_m = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
         boxes = bounds.astype(np.float64)

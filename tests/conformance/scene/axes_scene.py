@@ -28,7 +28,7 @@ from typing import Final
 
 import numpy as np
 
-from terraport_payload import Cover, SegmentMesh, Texture, encode_glb, encode_segment
+from terraport_payload import Cover, SegmentMesh, Texture, encode_segment
 from terraport_payload.types import Float64
 from terraport_store import BuildInfo, HandOff, Manifest, SceneInfo, SceneWriter, TextureInfo
 
@@ -64,9 +64,7 @@ def write_axes_scene(path: Path) -> Manifest:
         base = _plate(DARK_RED, region=NAMES.index("plate"))
         covered = np.full(len(base.faces), NAMES.index("plate"), dtype=np.uint32)
         cover = Cover(np.arange(len(base.faces) + 1, dtype=np.uint32), covered)
-        writer.set_base(
-            encode_glb(base, step_m=STEP_M, attribute_scales={}, keep_face_order=True), cover
-        )
+        writer.set_base(encode_segment(base, step_m=STEP_M, scales={}), cover)
         writer.set_regions({"regions": [{"id": i, "label": name} for i, name in enumerate(NAMES)]})
         picture = board_picture()
         return writer.publish(

@@ -210,9 +210,10 @@ def write_good_segments() -> None:
             ),
             STEP_M,
         ),
+        "wide": (replace(mesh, positions=mesh.positions * np.float32(64)), STEP_M),
     }
     for name, (source, step_m) in meshes.items():
-        data = encode_segment(source, step_m=step_m, scales=SCALES)
+        data = encode_segment(source, step_m=step_m, scales=SCALES, may_be_wide=name == "wide")
         put(f"good-{name}.tsg", data, described(decode_segment(data, scales=SCALES)))
 
 

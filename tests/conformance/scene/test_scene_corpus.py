@@ -16,6 +16,7 @@ from conformance.scene.axes_scene import NAMES, board_picture
 from terraport_payload import AttributeScale, Cover, PayloadError, decode_glb, decode_segment
 from terraport_payload.texture import gpu_texture_bytes
 from terraport_store import DamagedSceneError, Scene, read_names, validate_scene
+from terraport_store.layout import BASE
 
 HERE = Path(__file__).resolve().parent
 SCENES = ("tiny", "tiny-textured", "tiny-base-image", "tiny-changed", "axes")
@@ -98,7 +99,7 @@ def test_a_texture_of_the_base_alone() -> None:
         assert stated is not None
         assert (stated.source, stated.segments, stated.base_side) == ("vertex", 0, 16)
         assert scene.manifest.has_colour is True
-        base = decode(scene.base_path)
+        base = scene.file_mesh(BASE)
         meshes = [scene.mesh(segment) for segment in range(4)]
     assert base.texture is not None
     assert base.colours is None

@@ -57,7 +57,7 @@ def test_a_small_base_is_its_own_overview() -> None:
 
 def test_the_scene_that_comes_along_has_the_one_that_its_base_gives() -> None:
     with Scene.open(SAMPLE) as scene:
-        stored = scene.file_path("overview.glb").read_bytes()
+        stored = scene.file_path("overview.tsg").read_bytes()
         assert overview_payload(scene.base_path.read_bytes(), scene.manifest.step_m) == stored
     overview = decode_glb(stored)
     assert len(overview.faces) <= MAX_FACES

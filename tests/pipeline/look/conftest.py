@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from terraport_payload import AttributeScale, Cover, SegmentMesh, encode_glb, encode_segment
+from terraport_payload import AttributeScale, Cover, SegmentMesh, encode_segment
 from terraport_payload.types import Float32, Float64, Int32, UInt8
 from terraport_pipeline.published.mixed_model import HandOffModel
 from terraport_store import (
@@ -164,7 +164,7 @@ def publish_scene(
             base.colours,
         )
         writer.set_base(
-            encode_glb(level, step_m=STEP_M, attribute_scales={}, keep_face_order=True),
+            encode_segment(level, step_m=STEP_M, scales={}),
             Cover(model.cover_offsets.astype(np.uint32), model.cover_segments.astype(np.uint32)),
         )
         writer.set_regions(regions or {"regions": [{"id": 0}, {"id": 1}]})

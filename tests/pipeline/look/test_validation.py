@@ -90,7 +90,7 @@ def test_a_named_folder_without_the_package_is_said(monkeypatch, tmp_path) -> No
 
 def test_khronos_finds_what_is_wrong(scene_path, tmp_path) -> None:
     check = gltf_validator.check_gltf(
-        {"base": next(scene_path.glob("v-*/base.glb")).read_bytes(), "broken": b"glTF" + bytes(30)}
+        {"base": next(scene_path.glob("v-*/base.tsg")).read_bytes(), "broken": b"glTF" + bytes(30)}
     )
     if check.not_run:
         pytest.skip(check.not_run)

@@ -9,7 +9,7 @@ import pytest
 from pipeline.one_piece import Labelled, reconstruct_survey, runner_in, segment_surface
 from scipy.spatial import cKDTree
 
-from terraport_payload import decode_glb, snap
+from terraport_payload import snap
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.model import Mesh, Survey
 from terraport_pipeline.options import reconstruct
@@ -18,6 +18,7 @@ from terraport_pipeline.stages import pack
 from terraport_pipeline.workflow.pack_step import publish_tiles
 from terraport_pipeline.workflow.reconstruct_step import Surface
 from terraport_pipeline.workflow.runner import Runner
+from terraport_store.layout import BASE
 from terraport_store.manifest import BuildInfo, CrsInfo
 from terraport_store.reader import Scene
 from terraport_store.validate import validate_scene
@@ -158,7 +159,7 @@ def test_the_base_has_the_regions_of_the_detail_over_it(scene: Path, inputs: Inp
     detail, labels = inputs.detail, inputs.labelled.regions
     middles = detail.vertices[detail.faces].mean(axis=1)
     with Scene.open(scene) as opened:
-        base = decode_glb(opened.base_path.read_bytes())
+        base = opened.file_mesh(BASE)
     assert base.region_ids is not None
     _, nearest = cKDTree(middles).query(base.positions)
     # Positions are rounded to the grid: a vertex in the middle between two may turn to either.
@@ -168,7 +169,7 @@ def test_the_base_has_the_regions_of_the_detail_over_it(scene: Path, inputs: Inp
 def test_base_faces_keep_the_order_of_the_cover(scene: Path, inputs: Inputs) -> None:
     base, kept = inputs.surface.base, inputs.labelled.joined.base_kept
     with Scene.open(scene) as opened:
-        decoded = decode_glb(opened.base_path.read_bytes())
+        decoded = opened.file_mesh(BASE)
         step_m = opened.manifest.step_m
     got = np.sort(decoded.positions[decoded.faces], axis=1)
     assert (got == np.sort(snap(base.vertices, step_m)[base.faces[kept]], axis=1)).all()

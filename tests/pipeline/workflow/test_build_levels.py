@@ -49,7 +49,7 @@ def test_the_detail_is_the_same_and_coarser_payloads_follow(built: Path) -> None
         assert "levels" not in one.manifest.build.options
         assert two.manifest.build.options["levels"] == 2
         np.testing.assert_array_equal(one.index.xxh3, two.index.xxh3)
-        for key in ("base.glb", "base.cover", "regions.json"):
+        for key in ("base.tsg", "base.cover", "regions.json"):
             assert one.manifest.files[key].xxh3 == two.manifest.files[key].xxh3
         assert one.manifest.counts == two.manifest.counts
         coarse = two.rows.face_count[count:].sum() / two.index.face_count.sum()

@@ -10,7 +10,6 @@ import pytest
 from photo_scene import PhotoScene, photo_scene
 from pipeline.one_piece import runner_in, surface_in_tiles
 
-from terraport_payload import decode_glb
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.options import regions as segment
 from terraport_pipeline.stages import pack, texture
@@ -25,6 +24,7 @@ from terraport_pipeline.workflow.texture_step import (
     texture_tiles,
 )
 from terraport_store import BuildInfo, InputInfo, Scene
+from terraport_store.layout import BASE
 from terraport_store.validate import validate_scene
 
 SEGMENT = segment.Options(min_faces=150, max_faces=900)
@@ -151,7 +151,7 @@ def test_without_textures_the_base_alone_has_an_image(tmp_path) -> None:
         assert manifest.has_colour
         assert manifest.textures is not None
         assert (manifest.textures.segments, manifest.textures.base_side) == (0, 512)
-        base = decode_glb(opened.base_path.read_bytes())
+        base = opened.file_mesh(BASE)
         meshes = [opened.mesh(number) for number in range(len(opened.index))]
     assert base.texture is not None
     assert base.colours is None
@@ -166,7 +166,7 @@ def test_an_image_changes_neither_faces_nor_cover_of_the_base(tmp_path) -> None:
     for name, image in (("plain", None), ("image", base_atlas.Options(side=256))):
         build(tmp_path / name, None, base_image=image)
         with Scene.open(tmp_path / name / "scene") as opened:
-            base = decode_glb(opened.base_path.read_bytes())
+            base = opened.file_mesh(BASE)
             corners.append(np.sort(base.positions[base.faces], axis=1))  # may be rotated
             covers.append(opened.cover.to_bytes())
             assert (opened.manifest.textures is None) == (image is None)

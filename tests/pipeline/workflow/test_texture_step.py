@@ -12,7 +12,7 @@ import PIL.Image
 import pytest
 from pipeline.flat_photos import ORIGIN, field_colour, field_views, render_field, write_field
 
-from terraport_payload import SegmentMesh, decode_glb
+from terraport_payload import SegmentMesh
 from terraport_pipeline.engines.camera_files.write_colmap import write_colmap
 from terraport_pipeline.engines.images import decode_image
 from terraport_pipeline.errors import OptionError, PhotoError
@@ -23,6 +23,7 @@ from terraport_pipeline.options.texturing import Texturing
 from terraport_pipeline.stages import texture
 from terraport_pipeline.workflow.build import BuildOptions, build
 from terraport_store import Scene, validate_scene
+from terraport_store.layout import BASE
 
 
 def options_for(folder: Path, scene: Path, **more: object) -> BuildOptions:
@@ -70,7 +71,7 @@ def test_payloads_show_what_the_photos_show(field: Path) -> None:
     rng = np.random.default_rng(1)
     with Scene.open(field / "scene") as scene:
         offset = np.array(scene.manifest.origin) - ORIGIN
-        meshes = [*payloads(scene), decode_glb(scene.base_path.read_bytes())]
+        meshes = [*payloads(scene), scene.file_mesh(BASE)]
     errors = []
     for mesh in meshes:
         assert mesh.colours is None

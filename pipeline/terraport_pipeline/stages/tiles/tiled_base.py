@@ -19,7 +19,6 @@ from typing import Final
 import numpy as np
 from scipy.spatial import cKDTree
 
-from terraport_payload.order import order_for_cache
 from terraport_payload.types import Float32, Int32
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.decimate import decimate
@@ -35,6 +34,7 @@ from terraport_pipeline.geometry.mesh.trim import (
     near_mask,
 )
 from terraport_pipeline.geometry.mesh.vertex_normals import vertex_normals
+from terraport_pipeline.geometry.segments.strip_order import strip_order
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.options.reconstruct import BASE_DEPTH, Options
 from terraport_pipeline.stages.clean import Cleaned
@@ -145,8 +145,8 @@ def run(
     ]
     counts["base_faces_patched"] = sum(len(faces) for _, faces in patches)
     thin, triangles = reduce(append_surface, patches, (thin, triangles))
-    # Vertex cache order now: the cover names base faces by number.
-    triangles = triangles[order_for_cache(triangles.astype(np.uint32))]
+    # Strips now: they pack best, and the cover names base faces by number.
+    triangles = triangles[strip_order(triangles)]
     # (3) Values of the cloud's nearest samples.
     cloud = cleaned.cloud
     tree = cKDTree(cloud.points, balanced_tree=False)

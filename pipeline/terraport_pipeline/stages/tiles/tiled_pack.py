@@ -22,7 +22,7 @@ from terraport_payload import (
     SegmentMesh,
     choose_attribute_scale,
     choose_step_m,
-    encode_glb,
+    encode_segment,
     gltf_attribute_name,
 )
 from terraport_payload.grid import NULL_CODE
@@ -355,14 +355,14 @@ def publish(
         # (3) The base; its faces keep their order, because the cover names them by number.
         progress.start("pack: base", None, "faces")
         attributes = scales.attributes
-        glb = encode_glb(
+        encoded = encode_segment(
             whole_payload(kept, images, base_regions(kept.vertices, surface.pieces())),
             step_m=scales.step_m,
-            attribute_scales=attributes,
-            keep_face_order=True,
+            scales=attributes,
+            may_be_wide=True,
         )
         cover = Cover(segmented.cover_offsets, segmented.cover_segments)
-        writer.set_base(glb, cover, overview_payload(glb, scales.step_m))
+        writer.set_base(encoded, cover, overview_payload(encoded, scales.step_m))
         progress.done({})
         # (4) Regions with their stable ids.
         numbered = number_regions(scene_dir, segmented.region_facts, surface, progress, carried)
