@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from server.grid_scene import SCALES, STEP_M, tile_mesh
 
-from terraport_payload import SegmentMesh, Texture, decode_glb, encode_glb
+from terraport_payload import SegmentMesh, Texture, decode_segment, encode_segment
 from terraport_pipeline.engines.coarser import coarser, levels_of, odd_edges
 from terraport_pipeline.engines.images import decode_image, encode_image
 from terraport_store.validate_mesh import border_of
@@ -27,7 +27,7 @@ def rough(cells: int, seed: int) -> SegmentMesh:
 
 
 def through_the_codec(mesh: SegmentMesh) -> SegmentMesh:
-    return decode_glb(encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES))
+    return decode_segment(encode_segment(mesh, step_m=STEP_M, scales=SCALES), scales=SCALES)
 
 
 @settings(max_examples=25)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from pipeline.engines.test_decimate import border, hills
 
-from terraport_payload import SegmentMesh, decode_glb, encode_glb
+from terraport_payload import SegmentMesh, decode_segment, encode_segment
 from terraport_pipeline.engines.overview import MAX_FACES, overview_of, overview_payload
 from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
 from terraport_pipeline.geometry.mesh.vertex_normals import vertex_normals
@@ -51,7 +51,7 @@ def test_a_base_without_colour_stays_without() -> None:
 
 
 def test_a_small_base_is_its_own_overview() -> None:
-    base = encode_glb(hilly(60), step_m=STEP_M, attribute_scales={})
+    base = encode_segment(hilly(60), step_m=STEP_M, scales={})
     assert overview_payload(base, STEP_M) is None
 
 
@@ -59,7 +59,7 @@ def test_the_scene_that_comes_along_has_the_one_that_its_base_gives() -> None:
     with Scene.open(SAMPLE) as scene:
         stored = scene.file_path("overview.tsg").read_bytes()
         assert overview_payload(scene.base_path.read_bytes(), scene.manifest.step_m) == stored
-    overview = decode_glb(stored)
+    overview = decode_segment(stored, scales=None)
     assert len(overview.faces) <= MAX_FACES
     assert overview.texture is None
     assert overview.colours is not None
