@@ -4,9 +4,8 @@
 
 Unity takes ``com.terraport.client-VERSION.tgz`` by *Package Manager > + > Add package from
 tarball*; ``terraport-unreal-VERSION.zip`` is unpacked in a project's ``Plugins``;
-``terraport-godot-VERSION.zip`` holds a project, and what its library is compiled from (with the
-library where it was built before). The same sources give the same bytes. What only tests, stubs and
-tools need stays behind.
+``terraport-godot-VERSION.zip`` holds a project with the addon. The same sources give the same
+bytes. What only tests, stubs and tools need stays behind.
 """
 
 from __future__ import annotations
@@ -33,13 +32,7 @@ LICENSE: Final = SDK.parent / "LICENSE"
 
 UNITY_LEFT_OUT: Final = ("Tests", "Tests.meta", "Stubs~", "Tools~")
 UNREAL_TAKEN: Final = ("Terraport.uplugin", "README.md", "Content", "Source")
-GODOT_TAKEN: Final = ("CMakeLists.txt", "README.md", "addons", "example", "project.godot", "src")
-CORE_TAKEN: Final = (
-    "CMakeLists.txt",
-    "Source/TerraportCore/",
-    "Source/Terraport/Private/TerraportBaseOrder.",
-)
-"""Of the Unreal plugin, what Godot's library is compiled from too."""
+GODOT_TAKEN: Final = ("README.md", "addons", "example", "project.godot")
 SKIPPED: Final = ("__pycache__", ".clang-format")
 
 ZIP_EPOCH: Final = (1980, 1, 1, 0, 0, 0)
@@ -66,18 +59,12 @@ def unreal_files() -> dict[str, Path]:
 
 
 def godot_files() -> dict[str, Path]:
-    """Return the files of the zip by their names in it: the project, and the core beside it."""
-    own = {
-        path.relative_to(SDK).as_posix(): path
+    """Return the files of the zip by their names in it: one folder, a project."""
+    files = {
+        f"terraport-godot/{path.relative_to(GODOT).as_posix()}": path
         for path in _files(GODOT)
         if path.relative_to(GODOT).parts[0] in GODOT_TAKEN
     }
-    core = {
-        path.relative_to(SDK).as_posix(): path
-        for path in _files(UNREAL)
-        if path.relative_to(UNREAL).as_posix().startswith(CORE_TAKEN)
-    }
-    files = {f"terraport-godot/{name}": path for name, path in (own | core).items()}
     return {**files, "terraport-godot/LICENSE": LICENSE}
 
 

@@ -17,7 +17,6 @@ PLACES = (
     cores.UNITY / "Samples~" / "FirstLanding" / "Walker.prefab",
     cores.UNITY / "Samples~" / "FirstLandingXR" / "XRWalker.prefab",
     cores.ROOT / "client_sdk" / "godot" / "example" / "first_landing.tscn",
-    cores.ROOT / "client_sdk" / "godot" / "example" / "first_landing_xr.tscn",
 )
 
 

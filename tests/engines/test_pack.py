@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import sys
 import tarfile
 import zipfile
@@ -91,21 +90,16 @@ def test_the_zip_is_a_plugin_of_unreal(packed: tuple[Path, Path, Path]) -> None:
     assert "Terraport/Content/Python/terraport_materials.py" in names
 
 
-def test_the_zip_of_godot_is_a_project_that_can_be_built(
-    packed: tuple[Path, Path, Path], tmp_path: Path
-) -> None:
-    """What the scenes and the addon name is there, and CMake finds every source of the library."""
+def test_the_zip_of_godot_is_a_project(packed: tuple[Path, Path, Path], tmp_path: Path) -> None:
+    """What the scenes and the addon name is there."""
     with zipfile.ZipFile(packed[2]) as archive:
         archive.extractall(tmp_path)
-    project = tmp_path / "terraport-godot" / "godot"
-    assert (tmp_path / "terraport-godot" / "LICENSE").is_file()
+    project = tmp_path / "terraport-godot"
+    assert (project / "LICENSE").is_file()
     assert not (project / "tests").exists()
     for path in [*project.rglob("*.tscn"), *project.rglob("*.gd"), project / "project.godot"]:
         for name in re.findall(r'"res://([^"]+)"', path.read_text(encoding="utf-8")):
             assert (project / name).exists(), f"{path.name} names {name}"
-    if shutil.which("cmake") is None:
-        pytest.skip("no CMake")
-    run_logged(["cmake", "-S", str(project), "-B", str(tmp_path / "build")])
 
 
 def test_the_same_sources_give_the_same_bytes(
