@@ -37,6 +37,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from engines import cores
 from engines.programs import Client
+from engines.unity import Unity
 from server.grid_scene import SCALES, tile_mesh
 
 from terraport_payload import AttributeScale, decode_segment, encode_segment
@@ -44,7 +45,6 @@ from terraport_pipeline.geometry.segments.strip_order import strip_order
 from terraport_store import Scene
 
 SEED: Final = 20261122
-LANGUAGES: Final = ("csharp", "cpp")
 ROOT: Final = Path(__file__).resolve().parents[1]
 TURN_S: Final = 0.05
 """How long one decoder goes on before the other's turn."""
@@ -76,14 +76,15 @@ def main() -> int:
     )
     parser.add_argument("--smoke", action="store_true", help="small and quick")
     options = parser.parse_args()
-    clients = []
-    for language in LANGUAGES:
+    clients: list[Client | Unity] = []
+    for language in ("csharp", "cpp"):
         missing = cores.missing_for(language)
         if missing is not None:
             print(f"{language}: left out ({missing})")
-            continue
-        core = cores.csharp() if language == "csharp" else cpp_core(smoke=options.smoke)
-        clients.append(Client(language, core))
+        elif language == "csharp":
+            clients.append(Unity(cores.csharp()))
+        else:
+            clients.append(Client(language, cpp_core(smoke=options.smoke)))
     seconds = 0.2 if options.smoke else options.seconds
     sources = [(path.name, scene_source(path, options.segments)) for path in options.scenes]
     decoders: dict[str, Decoder] = {"python": decode_segment}
@@ -143,7 +144,7 @@ def formula_source(count: int) -> Source:
 def measure(
     name: str,
     source: Source,
-    clients: Sequence[Client],
+    clients: Sequence[Client | Unity],
     decoders: dict[str, Decoder],
     seconds: float,
 ) -> None:
@@ -156,9 +157,25 @@ def measure(
     )
     size_kb = sum(map(len, payloads)) / len(payloads) / 1000
     for client in clients:
-        row(client.language, size_kb, by_tool(client, source, seconds))
+        if isinstance(client, Unity):
+            row("csharp", size_kb, by_unity(client, source, seconds))
+        else:
+            row(client.language, size_kb, by_tool(client, source, seconds))
     for label, figures in by_python(decoders, source, seconds).items():
         row(label, size_kb, figures)
+
+
+def by_unity(unity: Unity, source: Source, seconds: float) -> dict[str, Any]:
+    """Decode and pack with the Unity package's own program; returns what it printed."""
+    with tempfile.TemporaryDirectory() as folder:
+        paths = [Path(folder) / f"{number}.tsg" for number in range(len(source.payloads))]
+        for path, payload in zip(paths, source.payloads, strict=True):
+            path.write_bytes(payload)
+        done = unity.run("decode", seconds, len(source.scales), *paths)
+    if done.returncode != 0:
+        raise subprocess.SubprocessError(done.stdout[-2000:])
+    figures: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
+    return figures
 
 
 def by_tool(client: Client, source: Source, seconds: float) -> dict[str, Any]:

@@ -25,14 +25,16 @@ from engines import cores
 from engines.engine_view import CONVENTIONS, Drawn, beside, draw
 from engines.programs import Client
 from engines.sdk_arrays import land_with_sdk
+from engines.unity import Unity
 from faults.service import Service
 
+import terraport.sync
 from terraport_payload.types import AnyArray
 
-__all__ = ["PICTURE", "drawn_by_client", "drawn_by_sdk"]
+__all__ = ["PICTURE", "drawn_by_client", "drawn_by_sdk", "drawn_by_unity"]
 
 PICTURE: Final = cores.ROOT / "docs" / "images" / "engine-axes.png"
-ENGINES: Final = {"csharp": "unity", "cpp": "unreal"}
+ENGINES: Final = {"cpp": "unreal"}
 LANDING: Final = (0.0, 1.0, -3.0, 60.0)
 
 
@@ -64,6 +66,17 @@ def drawn_by_client(client: Client, url: str) -> list[Drawn]:
     return [_mesh(record) for record in json.loads(done.stdout.strip().splitlines()[-1])]
 
 
+def drawn_by_unity(unity: Unity, url: str) -> list[Drawn]:
+    """Return the meshes of the landing as the Runtime of the Unity package packs them."""
+    with tempfile.TemporaryDirectory() as folder, terraport.sync.connect(url) as session:
+        segments = session.land(LANDING[:3], LANDING[3]).ready()
+        payloads = [Path(folder) / f"{segment.id}.tsg" for segment in segments]
+        for path, segment in zip(payloads, segments, strict=True):
+            path.write_bytes(segment.payload)
+        done = unity.run("axes", *payloads)
+    return [_mesh(record) for record in json.loads(done.stdout.strip().splitlines()[-1])]
+
+
 def _mesh(record: dict[str, Any]) -> Drawn:
     image = base64.b64decode(record["image"]) if record["image"] else None
     linear = _rows(record["linear_colours"], 3)
@@ -83,10 +96,7 @@ def _rows(values: list[float] | None, columns: int) -> AnyArray | None:
 
 def main() -> int:
     """Let both clients land in the scene of axes and draw what each hands to its engine."""
-    built: dict[str, cores.CsCore | cores.CppCore] = {
-        "csharp": cores.csharp(),
-        "cpp": cores.cpp(),
-    }
+    unreal = Client("cpp", cores.cpp())
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder) / "scenes"
         root.mkdir()
@@ -94,8 +104,11 @@ def main() -> int:
         with Service(root) as service:
             url = f"{service.url}/scenes/axes"
             pictures = {"Python SDK": draw(drawn_by_sdk(url), CONVENTIONS["scene"])}
-            for language, engine in ENGINES.items():
-                meshes = drawn_by_client(Client(language, built[language]), url)
+            drawn = {
+                "unity": drawn_by_unity(Unity(cores.csharp()), url),
+                "unreal": drawn_by_client(unreal, url),
+            }
+            for engine, meshes in drawn.items():
                 name = f"{engine.capitalize()}, as its client hands it over"
                 pictures[name] = draw(meshes, CONVENTIONS[engine])
     beside(pictures, PICTURE)

@@ -15,12 +15,13 @@ import pytest
 from conformance.scene.axes_scene import write_axes_scene
 from engines import cores
 from engines.programs import Client
+from engines.unity import Unity
 from faults.service import Service
 from server.grid_scene import write_grid_scene
 from store.tiny_scene import write_tiny_scene
 
 TOKEN = "a-token-that-is-long-enough"
-LANGUAGES = ("csharp", "cpp")
+LANGUAGES = ("cpp",)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -38,12 +39,12 @@ def skip_or_fail(reason: str) -> NoReturn:
 
 
 @pytest.fixture(scope="session")
-def csharp() -> cores.CsCore:
-    """Core of the Unity package, its tests and tools."""
+def unity() -> Unity:
+    """Core of the Unity package and its programs."""
     reason = cores.missing_for("csharp")
     if reason is not None:
         skip_or_fail(f"the C# core cannot be compiled ({reason})")
-    return cores.csharp()
+    return Unity(cores.csharp())
 
 
 @pytest.fixture(scope="session")

@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Final
 
 __all__ = [
-    "NUNIT",
     "UNITY",
     "UNREAL",
     "BuildError",
@@ -37,12 +36,13 @@ UNREAL: Final = ROOT / "client_sdk" / "unreal"
 BUILD_TIMEOUT_S: Final = 600
 """Of one compiler: two cores may be shared with other tests."""
 
-MCS: Final = ("mcs", "-langversion:latest", "-warnaserror", "-unsafe", "-optimize+", "-debug-")
+MCS: Final = ("mcs", "-langversion:latest", "-warnaserror", "-optimize+", "-debug-")
 CS_REFERENCES: Final = ("-r:System.Net.Http.dll", "-r:System.Core.dll")
-NUNIT: Final = "/usr/lib/cli/nunit.framework-2.6.3/nunit.framework.dll"
+UNASSIGNED: Final = "-nowarn:0649"
+"""Fields that are set by initialisers elsewhere, or by Unity from a scene, look unassigned."""
 
-WITHOUT_UNITY: Final = ("Axes.cs", "PackedMesh.cs", "TintedVertex.cs", "PhotoVertex.cs")
-"""Files of the Runtime that the axes' tool runs: plain arithmetic."""
+WITHOUT_UNITY: Final = ("Axes.cs", "PackedMesh.cs")
+"""Files of the Runtime that the programs run: plain arithmetic."""
 
 
 class BuildError(Exception):
@@ -60,12 +60,9 @@ class CsCore:
         return self.folder / "Terraport.Core.dll"
 
     @property
-    def tests(self) -> Path:
-        return self.folder / "Terraport.Core.Tests.dll"
-
-    def tool(self, name: str) -> list[str]:
-        """Command of one tool: ``corpus``, ``land``, ``decode``, ``axes``."""
-        return ["mono", str(self.folder / "terraport-tools.exe"), name]
+    def program(self) -> list[str]:
+        """Command of the programs: ``corpus``, ``land``, ``decode``, ``axes`` follow."""
+        return ["mono", str(self.folder / "terraport-tools.exe")]
 
 
 @dataclass(frozen=True)
@@ -86,8 +83,8 @@ class CppCore:
 def missing_for(language: str) -> str | None:
     """Say what this machine lacks to build a core; None where nothing."""
     if language == "csharp":
-        needed = {"mcs": "mono-mcs", "mono": "mono-runtime", "nunit-console": "nunit-console"}
-        files = {NUNIT: "libnunit-cil-dev"}
+        needed = {"mcs": "mono-mcs", "mono": "mono-runtime"}
+        files = {}
     else:
         needed = {"g++": "g++", "cmake": "cmake"}
         files = {
@@ -101,24 +98,20 @@ def missing_for(language: str) -> str | None:
 
 
 def csharp() -> CsCore:
-    """Compile core, tests and tools with Mono's compiler."""
+    """Compile core and programs with Mono's compiler."""
     core = sorted((UNITY / "Core").rglob("*.cs"))
-    tests = sorted((UNITY / "Tests" / "Core").rglob("*.cs"))
     tools = [
         *sorted((UNITY / "Tools~").glob("*.cs")),
         *(UNITY / "Runtime" / name for name in WITHOUT_UNITY),
-        UNITY / "Tests" / "Core" / "ReadableForm.cs",
     ]
 
     def build(folder: Path) -> None:
         compiled = CsCore(folder)
         compile_cs(core, compiled.library, ["-doc:" + str(folder / "Terraport.Core.xml")])
         own = f"-r:{compiled.library}"
-        compile_cs(tests, compiled.tests, [own, f"-r:{NUNIT}"])
         compile_cs(tools, folder / "terraport-tools.exe", [own], target="exe")
-        shutil.copy(NUNIT, folder)
 
-    return CsCore(built("csharp", [*core, *tests, *tools], build))
+    return CsCore(built("csharp", [*core, *tools], build))
 
 
 def cpp(*options: str, name: str = "cpp") -> CppCore:
@@ -148,7 +141,9 @@ def compile_cs(
     files = [str(path) for path in sources]
     if not files:
         raise BuildError(f"no sources for {out.name}")
-    return run_logged([*MCS, f"-target:{target}", f"-out:{out}", *CS_REFERENCES, *extra, *files])
+    return run_logged(
+        [*MCS, f"-target:{target}", f"-out:{out}", *CS_REFERENCES, UNASSIGNED, *extra, *files]
+    )
 
 
 def run_logged(command: Sequence[str], *, timeout_s: float = BUILD_TIMEOUT_S) -> str:

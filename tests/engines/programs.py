@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-from engines.cores import CppCore, CsCore
+from engines.cores import CppCore
 from sdk.proxy import Proxy
 
 __all__ = ["Client", "Landed", "ThreadedProxy", "Totals", "socket_pace", "totals"]
@@ -58,7 +58,7 @@ class Client:
     """One core: its language, and its tools."""
 
     language: str
-    core: CsCore | CppCore
+    core: CppCore
 
     def run(
         self, tool: str, *arguments: object, timeout_s: float = TIMEOUT_S

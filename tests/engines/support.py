@@ -26,6 +26,8 @@ LAND: Final = "tests/engines/test_landings.py"
 FAULT: Final = "tests/engines/test_faults.py"
 CORPUS: Final = "tests/engines/test_corpora.py"
 GROUPS: Final = "tests/engines/test_groups.py"
+UNITY_CORE: Final = "tests/engines/test_unity_core.py"
+UNITY: Final = "tests/engines/test_unity_visits.py"
 LAYER: Final = "tests/engines/test_engine_layers.py"
 
 
@@ -61,84 +63,100 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     "wire corpus, whole": (
         Yes("tests/conformance/test_wire_corpus.py", "test_bad"),
         Yes(f"{WEB}/wire-corpus.test.ts", "runs the whole corpus, with every message"),
-        *both(CORPUS, "test_the_whole_corpus_passes"),
+        Yes(UNITY_CORE, "test_the_whole_corpus_passes"),
+        Yes(CORPUS, "test_the_whole_corpus_passes"),
     ),
     "payload corpus": (
         Yes("tests/conformance/scene/test_scene_corpus.py", "test_payload"),
         Yes(f"{WEB}/payload-corpus.test.ts", "runs every file of the corpus"),
-        *both(CORPUS, "test_the_whole_corpus_passes"),
+        Yes(UNITY_CORE, "test_the_whole_corpus_passes"),
+        Yes(CORPUS, "test_the_whole_corpus_passes"),
     ),
     "session corpus, step by step": (
         No("protocol 2 alone"),
         Yes(f"{WEB}/session/corpus.test.ts", "the session corpus, step by step"),
-        *both(CORPUS, "test_the_whole_session_corpus_passes"),
+        Yes(UNITY_CORE, "test_the_whole_corpus_passes"),
+        Yes(CORPUS, "test_the_whole_session_corpus_passes"),
     ),
     "segments array for array as the Python SDK": (
         Yes(SDK_LAND, "test_a_landing_brings_every_segment_within_the_radius"),
         SERVER,
-        *both(LAND, "test_assembled_segments_are_those_of_the_python_sdk"),
+        Yes(UNITY, "test_segments_are_those_of_the_python_sdk"),
+        Yes(LAND, "test_assembled_segments_are_those_of_the_python_sdk"),
     ),
     "visible sets of a walk as the Python SDK": (
         Yes(SDK_LAND, "test_after_every_hop_exactly_what_is_within_the_radius_is_shown"),
         Yes(f"{WEB}/client/server.test.ts", "visible sets are those of the Python SDK"),
-        *both(LAND, "test_visible_sets_of_a_walk_are_those_of_the_python_sdk"),
+        Yes(UNITY, "test_a_walk_shows_and_hides_what_the_python_sdk_does"),
+        Yes(LAND, "test_visible_sets_of_a_walk_are_those_of_the_python_sdk"),
     ),
     "a second visit costs no bytes": (
         Yes(SDK_CORE, "test_what_stays_is_named_and_comes_once"),
         SERVER,
-        *both(LAND, "test_a_second_visit_costs_no_bytes"),
+        Yes(UNITY, "test_a_return_is_shown_at_once_and_costs_no_bytes"),
+        Yes(LAND, "test_a_second_visit_costs_no_bytes"),
     ),
     "a newer landing supersedes": (
         Yes(SDK_LAND, "test_a_newer_landing_supersedes_the_older"),
         Yes(f"{WEB}/client/server.test.ts", "a newer landing supersedes the older"),
-        *both(LAND, "test_a_newer_landing_supersedes_the_older"),
+        Yes(UNITY, "test_a_newer_landing_supersedes_the_older"),
+        Yes(LAND, "test_a_newer_landing_supersedes_the_older"),
     ),
     "budgets": (
         Yes(SDK_LAND, "test_budgets_are_never_exceeded"),
         Yes(f"{WEB}/session/corpus.test.ts", "the session corpus, step by step"),
-        *both(LAND, "test_budgets_are_never_exceeded"),
+        Yes(UNITY, "test_budgets_are_never_exceeded"),
+        Yes(LAND, "test_budgets_are_never_exceeded"),
     ),
     "deadline: the inner part first": (
         Yes(SDK_LAND, "test_a_deadline_makes_the_inner_set_presentable"),
         Yes("tests/browser/test_faults.py", "test_past_the_deadline_the_inner_part_is_shown_first"),
-        *both(FAULT, "test_a_deadline_shows_the_inner_part_first"),
+        Yes(UNITY, "test_a_deadline_shows_the_inner_part_first"),
+        Yes(FAULT, "test_a_deadline_shows_the_inner_part_first"),
     ),
     "aims fetch ahead": (
         Yes(SDK_CORE, "test_an_aim_brings_ahead_what_a_landing_needs"),
         Yes(
             f"{WEB}/client/server.test.ts", "an aim, and the landing there has nothing left to load"
         ),
-        *both(LAND, "test_an_aim_brings_what_the_landing_needs"),
+        Yes(UNITY, "test_an_aim_brings_what_the_landing_needs"),
+        Yes(LAND, "test_an_aim_brings_what_the_landing_needs"),
     ),
     "picks": (
         Yes(SDK_LAND, "test_picks_find_the_ground_whether_loaded_or_not"),
         Yes(f"{WEB}/session/corpus.test.ts", "the session corpus, step by step"),
-        *both(LAND, "test_picks_are_answered"),
+        Yes(UNITY, "test_picks_are_answered"),
+        Yes(LAND, "test_picks_are_answered"),
     ),
     "cache bounded by bytes": (
         Yes(SDK_CORE, "test_nothing_that_was_named_leaves_memory_before_the_swap"),
         Yes(f"{WEB}/session/parts.test.ts", "does over any history what a list does slowly"),
-        *both(LAND, "test_the_cache_keeps_its_bound_and_says_what_it_let_go"),
+        Yes(UNITY, "test_memory_is_bounded"),
+        Yes(LAND, "test_the_cache_keeps_its_bound_and_says_what_it_let_go"),
     ),
     "cache on disk": (
         Yes("tests/socket/test_sdk_disk.py", "test_a_second_run_reads_from_disk"),
         Yes("tests/browser/test_landings.py", "test_a_reload_loads_nothing_twice"),
-        *both("tests/engines/test_disk.py", "test_a_second_run_reads_from_disk"),
+        Yes(UNITY, "test_a_second_run_reads_from_disk"),
+        Yes("tests/engines/test_disk.py", "test_a_second_run_reads_from_disk"),
     ),
     "disk: damaged, full, not to be written": (
         Yes("tests/sdk/test_disk.py", "test_a_disk_that_cannot_be_written_is_no_error"),
         Yes(f"{WEB}/session/kept-bundle.test.ts", "any damage brings whole payloads or none"),
-        *both("tests/engines/test_disk.py", "test_a_folder_that_cannot_be_written_is_no_error"),
+        Yes(UNITY, "test_the_disk_is_bounded_and_need_not_be_there"),
+        Yes("tests/engines/test_disk.py", "test_a_folder_that_cannot_be_written_is_no_error"),
     ),
     "a cut line is mended, nothing comes twice": (
         Yes("tests/socket/test_sdk_reconnect.py", "test_a_landing_survives_any_number_of_cuts"),
         Yes(f"{WEB}/client/server.test.ts", "a cut line is mended, no segment comes twice"),
-        *both(FAULT, "test_a_cut_line_is_mended_and_no_segment_comes_twice"),
+        Yes(UNITY, "test_a_cut_connection_is_made_again_and_no_byte_comes_twice"),
+        Yes(FAULT, "test_a_cut_line_is_mended_and_no_segment_comes_twice"),
     ),
     "a service that is killed and comes back": (
         Yes("tests/socket/test_sdk_reconnect.py", "test_a_server_that_restarts_with_a_new_version"),
         Yes("tests/browser/test_faults.py", "test_the_server_is_killed_and_starts_again"),
-        *both(FAULT, "test_a_service_that_is_killed_and_comes_back"),
+        Yes(UNITY, "test_a_service_that_is_killed_and_comes_back"),
+        Yes(FAULT, "test_a_service_that_is_killed_and_comes_back"),
     ),
     "a flipped bit is found, the segment sent again": (
         Yes(
@@ -146,27 +164,32 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
             "test_a_bit_flipped_on_the_way_is_found_and_sent_again",
         ),
         Yes(f"{WEB}/session/corpus.test.ts", "the session corpus, step by step"),
-        *both(FAULT, "test_a_flipped_byte_is_noticed_and_the_segment_asked_for_again"),
+        Yes(UNITY, "test_a_flipped_bit_is_found_and_the_segment_asked_for_again"),
+        Yes(FAULT, "test_a_flipped_byte_is_noticed_and_the_segment_asked_for_again"),
     ),
     "tokens; a refused one is not repeated": (
         Yes(SDK_LAND, "test_tokens"),
         Yes(f"{WEB}/client/server.test.ts", "a wrong one is told and not repeated"),
-        *both(LAND, "test_a_token_opens_a_wrong_one_is_told_once_and_a_right_one_mends_it"),
+        Yes(UNITY, "test_a_token_opens_and_a_refused_one_is_not_repeated"),
+        Yes(LAND, "test_a_token_opens_a_wrong_one_is_told_once_and_a_right_one_mends_it"),
     ),
     "tokens that a function renews": (
         Yes("tests/socket/test_sdk_tokens.py", "test_a_session_outlives_its_tokens"),
         Yes(f"{WEB}/client/link.test.ts", "a refused token that it has renewed is no end"),
-        *both("tests/engines/test_tokens.py", "test_a_session_outlives_its_tokens"),
+        Yes(UNITY, "test_a_session_outlives_its_tokens"),
+        Yes("tests/engines/test_tokens.py", "test_a_session_outlives_its_tokens"),
     ),
     "base hidden by the cover, swap at once": (
         Yes(SDK_LAND, "test_base_and_hidden_faces"),
         Yes("tests/browser/test_landings.py", "test_what_is_drawn_is_what_the_sdk_shows"),
-        *both(LAND, "test_what_an_engine_would_draw_is_what_the_python_sdk_shows"),
+        Yes(UNITY, "test_a_walk_shows_and_hides_what_the_python_sdk_does"),
+        Yes(LAND, "test_what_an_engine_would_draw_is_what_the_python_sdk_shows"),
     ),
     "ground under feet and pointers, of what is shown": (
         No("ask a pick"),
         Yes("tests/browser/test_walk.py", "test_feet_stand_on_what_is_shown"),
-        *both("tests/engines/test_walk.py", "test_feet_stand_on_what_is_shown"),
+        Yes(UNITY, "test_feet_stand_on_what_is_shown"),
+        Yes("tests/engines/test_walk.py", "test_feet_stand_on_what_is_shown"),
     ),
     "teleport in the dark of a fade": (
         No("no user"),
@@ -197,7 +220,8 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     "textures: decoded payload, image's bytes": (
         Yes("tests/socket/test_sdk_textures.py", "test_segments_arrive_with_their_images"),
         Yes("tests/browser/test_pictures.py", "test_ways_to_colour_the_ground"),
-        *both(LAND, "test_textures_colours_and_attributes_are_those_of_the_python_sdk"),
+        Yes(UNITY, "test_images_colours_and_attributes_are_those_of_the_python_sdk"),
+        Yes(LAND, "test_textures_colours_and_attributes_are_those_of_the_python_sdk"),
     ),
     "segments that lack an attribute of the scene": (
         Yes(
@@ -205,19 +229,21 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
             "test_an_attribute_of_one_segment_alone",
         ),
         Yes(f"{WEB}/versions/missing-attribute.test.ts", "height_change_m in view"),
-        *both("tests/engines/test_corpora.py", "test_the_whole_corpus_passes"),
+        Yes(UNITY_CORE, "test_the_whole_corpus_passes"),
+        Yes("tests/engines/test_corpora.py", "test_the_whole_corpus_passes"),
     ),
     "axes, winding and V of the engine": (
         No("stays in the scene frame"),
         No("stays in the scene frame"),
-        *both("tests/engines/test_axes.py", "test_the_engine_draws_what_the_python_sdk_draws"),
+        Yes(UNITY_CORE, "test_unity_draws_what_the_python_sdk_draws"),
+        Yes("tests/engines/test_axes.py", "test_the_engine_draws_what_the_python_sdk_draws"),
     ),
     "decoding allocates nothing in the steady state": (
         No("new arrays each time"),
         No("new arrays each time: they go to the GPU"),
         Yes(
-            "tests/engines/test_decoding.py",
-            "test_nothing_is_allocated_in_the_steady_state",
+            UNITY_CORE,
+            "test_decoding_allocates_nothing_that_grows_with_a_segment",
             short="but .NET's inflater: 5 kB a segment",
         ),
         Yes("tests/engines/test_decoding.py", "test_nothing_is_allocated_in_the_steady_state"),
@@ -225,16 +251,13 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     "places by name": (
         Yes("tests/sdk/test_places.py", "test_a_place_is_found_by_its_name_or_stable_id"),
         Yes(f"{WEB}/app-region-places.test.ts", "regionsToVisit"),
-        Yes(
-            "client_sdk/unity/Tests/Core/PlacesTests.cs",
-            "NamedRegionsArePlacesByNameTheLargestOfEachFirst",
-        ),
+        Yes(UNITY_CORE, "test_places_and_pieces_are_those_of_the_python_sdk"),
         Yes("client_sdk/unreal/tests/core/places_test.cpp", "named regions are places, by name"),
     ),
     "coarser pieces that a pick is part of": (
         Yes("tests/sdk/test_places.py", "test_they_grow_from_cost_to_cost"),
         Yes(f"{WEB}/coarser-pieces.test.ts", "grows from cost to cost"),
-        Yes("client_sdk/unity/Tests/Core/PlacesTests.cs", "WhatARegionIsPartOfGrowsFromCostToCost"),
+        Yes(UNITY_CORE, "test_places_and_pieces_are_those_of_the_python_sdk"),
         Yes(
             "client_sdk/unreal/tests/core/places_test.cpp",
             "what a region is part of grows from cost to cost",
@@ -261,17 +284,20 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
             "tests/browser/test_levels.py",
             "test_a_landing_has_a_ring_and_the_base_gives_way_to_both",
         ),
-        *both("tests/engines/test_landings.py", "test_a_scene_of_two_levels_is_drawn_with_a_ring"),
+        Yes(UNITY, "test_a_coarser_level_is_shown_in_a_ring"),
+        Yes("tests/engines/test_landings.py", "test_a_scene_of_two_levels_is_drawn_with_a_ring"),
     ),
     "goes along with a group": (
         Yes("tests/socket/test_sdk_groups.py", "test_the_guide_lands_everybody"),
         Yes("tests/browser/test_groups.py", "test_who_guides_takes_the_others_along"),
-        *both(GROUPS, "test_who_follows_shows_what_the_guide_shows"),
+        Yes(UNITY, "test_a_member_lands_where_the_guide_does"),
+        Yes(GROUPS, "test_who_follows_shows_what_the_guide_shows"),
     ),
     "guides a group; who does not follow holds nobody up": (
         Yes("tests/socket/test_sdk_groups.py", "test_the_guide_lands_everybody"),
         Yes("tests/browser/test_groups.py", "test_who_guides_takes_the_others_along"),
-        *both(GROUPS, "test_who_guides_takes_the_sdk_along"),
+        Yes(UNITY, "test_a_guide_takes_the_sdk_along"),
+        Yes(GROUPS, "test_who_guides_takes_the_sdk_along"),
     ),
     "a group's components: seat, list of people, events": (
         No("no components"),

@@ -12,7 +12,7 @@ from engines.programs import Client
 SESSIONS = CORPUS.parent / "session"
 PAYLOADS = Path(__file__).resolve().parents[1] / "conformance" / "scene" / "payload"
 
-DECLINED: dict[str, list[str]] = {"csharp": [], "cpp": []}
+DECLINED: dict[str, list[str]] = {"cpp": []}
 """By language; also in docs/topics/clients.md."""
 
 

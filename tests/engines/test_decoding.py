@@ -11,9 +11,6 @@ from server.grid_scene import SCALES, STEP_M, tile_mesh
 
 from terraport_payload import encode_segment
 
-INFLATER_BYTES = 5000
-"""C#'s has to be made anew for each stream: a buffer of 4096 bytes, and some objects."""
-
 
 def test_nothing_is_allocated_in_the_steady_state(client: Client, tmp_path: Path) -> None:
     attributes = [
@@ -30,7 +27,4 @@ def test_nothing_is_allocated_in_the_steady_state(client: Client, tmp_path: Path
     figures = json.loads(done.stdout.strip().splitlines()[-1])
     assert figures["segments"] >= 40
     assert figures["meter_saw_bytes"] > 1000, "a meter that stands still proves nothing"
-    if client.language == "cpp":
-        assert figures["allocations"] == 0
-    else:
-        assert figures["allocated_bytes"] <= INFLATER_BYTES * figures["segments"]
+    assert figures["allocations"] == 0

@@ -1,4 +1,4 @@
-"""The cores' own unit tests, run by NUnit and doctest.
+"""The C++ core's own unit tests, run by doctest.
 
 ``python tests/engines/test_units.py`` prints what they say, with the corpora, for CI's log; where
 the tests have just run on the same sources it prints what was said then.
@@ -6,12 +6,9 @@ the tests have just run on the same sources it prints what was said then.
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 import sys
-import tempfile
-import xml.etree.ElementTree as ET
 from pathlib import Path
 
 if __name__ == "__main__":  # run as a script: the package "engines" lies in tests/
@@ -21,40 +18,6 @@ from engines import cores
 from engines.programs import Client
 
 TIMEOUT_S = 420
-
-
-def run_nunit(core: cores.CsCore, library: Path) -> tuple[int, int, str]:
-    """Run the NUnit tests of a library; returns how many passed and failed, and what was said.
-
-    nunit-console's last line is no plain count: the report has it.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        report = Path(folder) / "report.xml"
-        done = subprocess.run(
-            ["nunit-console", "-nologo", "-noshadow", "-nodots", f"-xml={report}", str(library)],
-            cwd=folder,
-            env=os.environ
-            | {
-                "TERRAPORT_REPOSITORY": str(cores.ROOT),
-                "TERRAPORT_WIRE_CORPUS": str(cores.ROOT / "tests" / "conformance" / "wire"),
-            },
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            timeout=TIMEOUT_S,
-            check=False,
-        )
-        if not report.is_file():
-            return 0, 1, done.stdout
-        cases = list(ET.parse(report).iter("test-case"))
-    passed = sum(case.get("result") == "Success" for case in cases)
-    failures = [
-        f"failed: {case.get('name')}: {case.findtext('.//message')}"
-        for case in cases
-        if case.get("result") != "Success"
-    ]
-    summary = "\n".join([*failures, f"{passed} passed, {len(failures)} failed"])
-    return passed, len(failures), summary + ("\n" + done.stdout if failures else "")
 
 
 def run_doctest(program: Path) -> tuple[int, int, str]:
@@ -75,13 +38,6 @@ def run_doctest(program: Path) -> tuple[int, int, str]:
     return passed, failed, done.stdout
 
 
-def test_the_csharp_core_passes_its_nunit_tests(csharp: cores.CsCore) -> None:
-    passed, failed, output = run_nunit(csharp, csharp.tests)
-    keep(csharp, failed, output)
-    assert failed == 0, output[-6000:]
-    assert passed > 100
-
-
 def test_the_cpp_core_passes_its_doctest_cases(cpp: cores.CppCore) -> None:
     passed, failed, output = run_doctest(cpp.tests)
     keep(cpp, failed, output)
@@ -89,7 +45,7 @@ def test_the_cpp_core_passes_its_doctest_cases(cpp: cores.CppCore) -> None:
     assert passed > 60
 
 
-def keep(core: cores.CsCore | cores.CppCore, failed: int, output: str) -> None:
+def keep(core: cores.CppCore, failed: int, output: str) -> None:
     """Keep what the tests of a build said beside it; of failures nothing, they are run again."""
     path = core.folder / "unit-tests.log"
     path.unlink(missing_ok=True)
@@ -97,13 +53,13 @@ def keep(core: cores.CsCore | cores.CppCore, failed: int, output: str) -> None:
         path.write_text(output)
 
 
-def unit_tests(core: cores.CsCore | cores.CppCore) -> tuple[int, str]:
+def unit_tests(core: cores.CppCore) -> tuple[int, str]:
     """Return how many unit tests of a core fail, and what was said."""
     path = core.folder / "unit-tests.log"
     if path.is_file():
         return 0, path.read_text()
-    run = run_nunit(core, core.tests) if isinstance(core, cores.CsCore) else run_doctest(core.tests)
-    return run[1], run[2]
+    _, failed, output = run_doctest(core.tests)
+    return failed, output
 
 
 def main() -> int:
@@ -115,12 +71,12 @@ def main() -> int:
         "session": root / "session",
     }
     bad = 0
-    for language in ("csharp", "cpp"):
+    for language in ("cpp",):
         missing = cores.missing_for(language)
         if missing is not None:
             sys.stdout.write(f"-- {language}: left out ({missing})\n")
             continue
-        core = cores.csharp() if language == "csharp" else cores.cpp()
+        core = cores.cpp()
         client = Client(language, core)
         failed, output = unit_tests(core)
         sys.stdout.write(f"-- {language}: unit tests\n{output.strip()}\n")

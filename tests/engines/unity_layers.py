@@ -7,13 +7,12 @@ which is obsolete in a release does not compile there either.
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from engines.cores import NUNIT, UNITY, CsCore, built, compile_cs
+from engines.cores import UNITY, CsCore, built, compile_cs
 
 __all__ = ["LADDER", "NEWEST", "RELEASES", "UnityLayer", "defines_of", "unity_layer"]
 
@@ -40,7 +39,7 @@ PROJECTS: Final = {
 }
 """What projects have installed and switched on: the packages' stubs and the samples differ."""
 
-FOLDERS: Final = ("Core", "Runtime", "Editor", "Samples~", "Stubs~", "Tests/Runtime")
+FOLDERS: Final = ("Core", "Runtime", "Editor", "Samples~", "Stubs~")
 
 
 @dataclass(frozen=True)
@@ -48,11 +47,6 @@ class UnityLayer(CsCore):
     """Runtime, editor and samples, compiled as one release of Unity."""
 
     release: str
-
-    @property
-    def layer_tests(self) -> Path:
-        """Of the Runtime, on the stubs."""
-        return self.folder / "Terraport.Runtime.Tests.dll"
 
     @property
     def stubs(self) -> Path:
@@ -66,13 +60,7 @@ class UnityLayer(CsCore):
     def compile(self, sources: Sequence[Path], out: Path, *options: str) -> str:
         """Compile other sources as the Runtime is compiled."""
         references = [f"-r:{path}" for path in (self.library, self.stubs)]
-        return compile_cs(
-            sources, out, [*UNASSIGNED, *_options(self.release), *references, *options]
-        )
-
-
-UNASSIGNED: Final = ("-nowarn:0649",)
-"""Fields that Unity fills from the scene look unassigned to a compiler."""
+        return compile_cs(sources, out, [*_options(self.release), *references, *options])
 
 
 def defines_of(release: str) -> tuple[str, ...]:
@@ -88,7 +76,7 @@ def defines_of(release: str) -> tuple[str, ...]:
 
 
 def unity_layer(release: str = NEWEST) -> UnityLayer:
-    """Compile Runtime, Editor, samples and their tests as one release, in every variant."""
+    """Compile Runtime, Editor and samples as one release, in every variant."""
     files = {name: sorted((UNITY / name).rglob("*.cs")) for name in FOLDERS}
     ktx = UNITY / "Runtime" / "Ktx"
     runtime = [path for path in files["Runtime"] if ktx not in path.parents]
@@ -99,15 +87,16 @@ def unity_layer(release: str = NEWEST) -> UnityLayer:
 
     def build(folder: Path) -> None:
         def compiled(name: str, sources: Sequence[Path], *extra: str) -> str:
-            compile_cs(sources, folder / name, [*UNASSIGNED, *_options(release), *extra])
+            compile_cs(sources, folder / name, [*_options(release), *extra])
             return f"-r:{folder / name}"
 
         references = [compiled("Terraport.Core.dll", files["Core"])]
         references.append(
             compiled("UnityStubs.dll", [*stubs["UnityEngine"], *stubs["UnityEditor"]])
         )
-        browser = [*references, "-d:UNITY_WEBGL"]
-        compiled("Terraport.Runtime.WebGl.dll", runtime, *browser)
+        # In a folder of its own: the core's friends are known by the names of their assemblies.
+        (folder / "WebGL").mkdir()
+        compiled("WebGL/Terraport.Runtime.dll", runtime, *references, "-d:UNITY_WEBGL")
         references.append(compiled("Terraport.Runtime.dll", runtime, *references))
         compiled("Terraport.Editor.dll", files["Editor"], *references, "-d:UNITY_EDITOR")
         for project, defines in PROJECTS.items():
@@ -116,10 +105,8 @@ def unity_layer(release: str = NEWEST) -> UnityLayer:
             for name, more in ((project, ()), (f"{project}.Editor", ("-d:UNITY_EDITOR",))):
                 compiled(f"Terraport.Ktx.{name}.dll", sorted(ktx.rglob("*.cs")), *also, *more)
             compiled(f"Samples.{project}.dll", files["Samples~"], *also)
-        compiled("Terraport.Runtime.Tests.dll", files["Tests/Runtime"], *references, f"-r:{NUNIT}")
         compile_cs(stubs["Tests"], folder / "SceneOnStubs.exe", references, target="exe")
         compile_cs(stubs["Facts"], folder / "StubMembers.exe", target="exe")
-        shutil.copy(NUNIT, folder)
 
     sources = [*(path for some in files.values() for path in some), Path(__file__)]
     return UnityLayer(built(f"unity{release}", sources, build), release)

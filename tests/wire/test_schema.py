@@ -22,7 +22,6 @@ from terraport_wire.tables import HeldTable, Ids, LoadTable
 ROOT = Path(__file__).resolve().parents[2]
 SPEC = ROOT / "spec"
 TYPESCRIPT = ROOT / "client_sdk/web/src/core/wire/messages.generated.ts"
-CSHARP = ROOT / "client_sdk/unity/Core/Wire/Messages.generated.cs"
 CPP = ROOT / "client_sdk/unreal/Source/TerraportCore/Private"
 
 # Relations between fields, and ids once per table: the specification says them, JSON Schema cannot.
@@ -77,7 +76,7 @@ def validators() -> dict[str, Any]:
 
 
 def test_the_committed_files_are_what_the_script_writes() -> None:
-    languages = ["--typescript", str(TYPESCRIPT), "--csharp", str(CSHARP), "--cpp", str(CPP)]
+    languages = ["--typescript", str(TYPESCRIPT), "--cpp", str(CPP)]
     assert schema.main([str(SPEC), *languages, "--check"]) == 0
     on_disk = {path.name for path in (SPEC / "schema").iterdir()}
     assert on_disk == set(schema.schema_files())
@@ -100,32 +99,6 @@ def test_check_reports_stale_typescript(tmp_path: Path, capsys: pytest.CaptureFi
     assert "messages.generated.ts is not what" in capsys.readouterr().err
     assert schema.main(arguments) == 0
     assert stale.read_text() == TYPESCRIPT.read_text()
-
-
-def test_check_reports_stale_csharp(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    stale = tmp_path / "Messages.generated.cs"
-    stale.write_text(CSHARP.read_text().replace("radius_m", "radius"))
-    arguments = [str(SPEC), "--csharp", str(stale)]
-    assert schema.main([*arguments, "--check"]) == 1
-    assert "Messages.generated.cs is not what" in capsys.readouterr().err
-    assert schema.main(arguments) == 0
-    assert stale.read_text() == CSHARP.read_text()
-
-
-def test_the_csharp_names_every_message_and_field() -> None:
-    text = CSHARP.read_text()
-    for messages in MESSAGES.values():
-        for name, message in messages.items():
-            start = text.index(f"public sealed class {message.__name__}Message : WireMessage")
-            body = text[start : text.index("throw NoField", start)]
-            assert f'case "{name}": return new {message.__name__}Message();' in text
-            for field in fields_of(message):
-                required = "true" if field.required else "false"
-                assert f'new Field("{field.name}", {required}, ' in body
-    for limit in limits.__all__:
-        value = getattr(limits, limit)
-        name = "".join(word.capitalize() for word in limit.split("_"))
-        assert f" {name} = {value!r};" in text
 
 
 def test_check_reports_stale_cpp(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,8 +2,7 @@
 
 ``python -m terraport_wire.schema SPEC_DIR`` writes ``SPEC_DIR/schema/*.json`` and the tables
 between the ``generated`` marks of ``SPEC_DIR/wire-protocol.md``; with ``--typescript FILE`` also
-the viewer's tables (`terraport_wire.typescript`), with ``--csharp FILE`` the Unity client's
-(`terraport_wire.csharp`), with ``--cpp FOLDER`` the Unreal client's
+the viewer's tables (`terraport_wire.typescript`), with ``--cpp FOLDER`` the Unreal client's
 (`terraport_wire.cpp`); ``--check`` only compares.  The functions are pure; `main` alone
 touches files.
 """
@@ -19,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 from .cpp import cpp_files
-from .csharp import csharp_file
 from .errors import CLOSE_CODES, HTTP_STATUS
 from .message import Direction, Message, Part, fields_of, part_schema
 from .messages import MESSAGES, PARTS
@@ -34,7 +32,6 @@ _Files = dict[Path, str]
 # What else is generated where a path is given for it: flag, what the path is, meaning, the files.
 _LANGUAGES: dict[str, tuple[str, str, Callable[[Path], _Files]]] = {
     "typescript": ("FILE", "the viewer's tables", lambda path: {path: messages_module()}),
-    "csharp": ("FILE", "the Unity client's messages", lambda path: {path: csharp_file()}),
     "cpp": (
         "FOLDER",
         "the Unreal client's messages",

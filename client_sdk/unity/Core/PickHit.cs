@@ -2,31 +2,31 @@ using System.Collections.Generic;
 
 namespace Terraport
 {
-    /// <summary>What a pick met, at full detail, whatever is loaded.</summary>
+    /// <summary>What a pick met at full detail, whatever is loaded.</summary>
     public sealed class PickHit
     {
         /// <summary>Where the ray meets full detail, metres, scene frame.</summary>
-        public Vec3 Position { get; set; }
+        public Vec3 Position { get; internal set; }
 
         /// <summary>Normal there: length 1, outwards, scene frame.</summary>
-        public Vec3 Normal { get; set; }
+        public Vec3 Normal { get; internal set; }
 
         /// <summary>Id of the segment that was met, loaded here or not.</summary>
-        public uint Segment { get; set; }
+        public uint Segment { get; internal set; }
 
-        /// <summary>Region id of this scene version; null without regions.</summary>
-        public uint? Region { get; set; }
+        /// <summary>Region id in this scene version; null without regions.</summary>
+        public uint? Region { get; internal set; }
 
-        /// <summary>Number of the piece of ground, the same in every version; null where regions have none.</summary>
-        public long? StableId { get; set; }
+        /// <summary>Number of the region, the same in every version; null where it has none.</summary>
+        public uint? StableId { get; internal set; }
 
-        /// <summary>What people call the region; null without a label.</summary>
-        public string Label { get; set; }
+        /// <summary>Label of the region; null without one.</summary>
+        public string Label { get; internal set; }
 
         /// <summary>Height in the survey's own vertical reference, metres.</summary>
-        public double HeightM { get; set; }
+        public double HeightM { get; internal set; }
 
         /// <summary>Values of the survey's attributes, by name.</summary>
-        public IReadOnlyDictionary<string, double> Attributes { get; set; }
+        public IReadOnlyDictionary<string, double> Attributes { get; internal set; }
     }
 }

@@ -1,12 +1,9 @@
-using System;
 using System.Globalization;
 
 namespace Terraport
 {
-    /// <summary>
-    /// A position or a direction in the scene frame: metres, right-handed, x east, y up, z south, about the scene's origin.
-    /// </summary>
-    public readonly struct Vec3 : IEquatable<Vec3>
+    /// <summary>A position or a direction in the scene frame: metres, right-handed, x east, y up, z south, about the scene's origin.</summary>
+    public readonly struct Vec3
     {
         /// <summary>East, metres.</summary>
         public readonly double X;
@@ -25,26 +22,23 @@ namespace Terraport
             Z = z;
         }
 
-        /// <summary>Whether no coordinate is NaN or infinite.</summary>
-        public bool IsFinite
-        {
-            // The difference of a NaN or an infinity with itself is NaN.
-            get { return X - X == 0 && Y - Y == 0 && Z - Z == 0; }
-        }
+        /// <summary>Whether no coordinate is NaN or infinite: the difference of such a number with itself is NaN.</summary>
+        public bool IsFinite => X - X == 0 && Y - Y == 0 && Z - Z == 0;
 
-        /// <inheritdoc/>
-        public bool Equals(Vec3 other) { return X.Equals(other.X) && Y.Equals(other.Y) && Z.Equals(other.Z); }
+        /// <summary>Sum of two vectors.</summary>
+        public static Vec3 operator +(Vec3 a, Vec3 b) { return new Vec3(a.X + b.X, a.Y + b.Y, a.Z + b.Z); }
 
-        /// <inheritdoc/>
-        public override bool Equals(object obj) { return obj is Vec3 && Equals((Vec3)obj); }
+        /// <summary>Difference of two vectors.</summary>
+        public static Vec3 operator -(Vec3 a, Vec3 b) { return new Vec3(a.X - b.X, a.Y - b.Y, a.Z - b.Z); }
 
-        /// <inheritdoc/>
-        public override int GetHashCode()
-        {
-            unchecked { return ((X.GetHashCode() * 397) ^ Y.GetHashCode()) * 397 ^ Z.GetHashCode(); }
-        }
+        /// <summary>A vector that is longer by a factor.</summary>
+        public static Vec3 operator *(double factor, Vec3 a) { return new Vec3(factor * a.X, factor * a.Y, factor * a.Z); }
 
         /// <summary>Coordinates with a dot, whatever the culture.</summary>
         public override string ToString() { return string.Format(CultureInfo.InvariantCulture, "({0:R}, {1:R}, {2:R})", X, Y, Z); }
+
+        internal static double Dot(Vec3 a, Vec3 b) { return a.X * b.X + a.Y * b.Y + a.Z * b.Z; }
+
+        internal static Vec3 Cross(Vec3 a, Vec3 b) { return new Vec3(a.Y * b.Z - a.Z * b.Y, a.Z * b.X - a.X * b.Z, a.X * b.Y - a.Y * b.X); }
     }
 }

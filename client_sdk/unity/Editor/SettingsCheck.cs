@@ -13,7 +13,6 @@ namespace Terraport.Unity.Editor
             List<string> findings = new List<string>();
             // Findings are advice: none of them keeps anybody from playing.
             CheckUrl(scene.SceneUrl, findings);
-            CheckBuild(findings);
             TerraportSettings settings = scene.Settings;
             DeviceBudgets bounds = settings.ActualBudgets;
             if (bounds.creditMebibytes > bounds.maxGpuMebibytes)
@@ -30,16 +29,6 @@ namespace Terraport.Unity.Editor
                 findings.Add("The base's material has no _TerraportPushM: the base is not pushed back, and will poke through the detail.");
             }
             return findings;
-        }
-
-        private static void CheckBuild(List<string> findings)
-        {
-            if (EditorUserBuildSettings.activeBuildTarget == BuildTarget.Android
-                && (PlayerSettings.Android.targetArchitectures & AndroidArchitecture.ARMv7) != 0)
-            {
-                findings.Add("32-bit ARM is not supported: in Player > Other Settings > Target Architectures leave ARM64 alone "
-                    + "(it needs the scripting backend IL2CPP).");
-            }
         }
 
         private static void CheckUrl(string url, List<string> findings)

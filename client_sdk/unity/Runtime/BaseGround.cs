@@ -1,164 +1,128 @@
-using System.Collections.Generic;
+using System;
+using System.Linq;
 using UnityEngine;
 
 namespace Terraport.Unity
 {
-    /// <summary>The base of one version of a scene, in blocks. Uploaded in slices, shown in one frame. Main thread.</summary>
+    /// <summary>
+    /// The base of one version, in blocks of two pieces each, of which one is drawn: the other takes the list of faces for the coming swap,
+    /// which then only exchanges them. Main thread.
+    /// </summary>
     internal sealed class BaseGround
     {
         private readonly GroundPool pool;
         private readonly PhotoLoader photos;
         private readonly GroundMaterials materials;
-        // Vertices and indices by block; blocks are what of them is on the graphics card, in the same order.
-        private readonly BaseBlocks source;
-        private readonly List<BaseBlock> blocks = new List<BaseBlock>();
+        private readonly PackedBase packed;
         private readonly double deviationM;
-        private readonly int blockFaces;
+        private readonly GroundNode[] front, back;
+        // Whether the back piece of a block has the coming list.
+        private readonly bool[] isChanged;
         // One list of faces at a time is written; each is copied to the card before the next.
-        private ushort[] scratch;
-        // The base's photograph, while it is read and as long as the base lives; null without one.
+        private readonly ushort[] scratch = new ushort[3 * PackedBase.BlockFaces];
+        private byte[] drawnHidden = Array.Empty<byte>(), comingHidden = Array.Empty<byte>();
+        private int uploads, preparedBlocks;
         private PhotoLoad photo;
         private Material photoMaterial;
         private bool isReady;
 
-        public BaseGround(SceneFiles files, int blockFaces, GroundPool pool, PhotoLoader photos, GroundMaterials materials)
+        internal BaseGround(SceneFiles files, GroundPool pool, PhotoLoader photos, GroundMaterials materials)
         {
             Files = files;
-            this.blockFaces = blockFaces;
             this.pool = pool;
             this.photos = photos;
             this.materials = materials;
+            packed = (PackedBase)files.Prepared;
             deviationM = files.Manifest.DeviationM;
-            materials.SetPointImages(files.Manifest.TexturesOfPoints);
-            source = files.Base.EngineData as BaseBlocks ?? new BaseBlocks(files.Base, blockFaces);
-            files.Base.EngineData = null; // It is used up by the upload.
-            scratch = new ushort[blockFaces * 3];
-            if (files.Base.HasTexture)
-            {
-                BeginPhoto(files.Base.Image);
-            }
+            materials.HasImagesOfPoints = files.Manifest.HasImagesOfPoints;
+            front = new GroundNode[packed.Blocks.Count];
+            back = new GroundNode[front.Length];
+            isChanged = new bool[front.Length];
+            if (packed.ImageFile != null) photo = photos.Begin(packed.ImageFile, packed.Image);
         }
 
-        /// <summary>Files of the version that it is the base of.</summary>
-        public SceneFiles Files { get; private set; }
+        internal SceneFiles Files { get; }
 
-        /// <summary>Triangles that all blocks draw now.</summary>
-        public int DrawnFaces
-        {
-            get {
-                int faces = 0;
-                for (int block = 0; block < blocks.Count; block++)
-                {
-                    faces += blocks[block].DrawnFaces;
-                }
-                return faces;
-            }
-        }
+        /// <summary>Why its image is missing; null where it is not. It is drawn plain then.</summary>
+        internal TerraportException Fault => photo?.Error;
 
-        /// <summary>One slice of the upload. True once all of it can be drawn.</summary>
-        public bool Upload()
+        internal int DrawnFaces => front.Sum(node => node.DrawnFaces);
+
+        /// <summary>One slice of the upload; true once all of it can be drawn.</summary>
+        internal bool Upload()
         {
-            // The stage asks again until true; afterwards it need not, but may.
-            if (isReady)
+            int block = uploads / 2;
+            if (block < front.Length)
             {
-                return true;
-            }
-            int last = blocks.Count - 1;
-            // 1. A block takes two slices: its front and its back copy.
-            if (last >= 0 && !blocks[last].IsUploaded)
-            {
-                blocks[last].Upload(pool);
+                // Both pieces have all vertices: rewriting the indices alone is cheap.
+                GroundNode node = pool.Take();
+                MeshFiller.Fill(node.Mesh, packed.Blocks[block]);
+                node.FaceCount = packed.FacesOf(block);
+                (uploads % 2 == 0 ? front : back)[block] = node;
+                if (uploads++ % 2 == 1) packed.Blocks[block].DropVertices();
                 return false;
             }
-            // 2. The next block; where no thread has packed it, packing is a slice of its own.
-            if (blocks.Count < source.Count)
-            {
-                if (blocks.Count >= source.PackedCount)
-                {
-                    source.Step();
-                    return false;
-                }
-                BaseBlock block = new BaseBlock(source.RangeOf(blocks.Count), source.PackedOf(blocks.Count));
-                blocks.Add(block);
-                block.Upload(pool);
-                return false;
-            }
-            // 3. The photograph is read by PhotoLoader, once a frame.
-            if (photo != null && !photo.IsDone)
-            {
-                return false;
-            }
-            // A base whose photograph cannot be read is still ground: it is drawn plain, and told of when it is shown.
-            Finish();
+            if (photo != null && !photo.IsDone) return false;
+            if (isReady) return true;
+            isReady = true;
+            // Before the image's material is copied from the shared one.
+            materials.SetPush(deviationM);
+            if (photo != null && photo.Error == null) photoMaterial = materials.MakeBase(photo.Result);
+            foreach (GroundNode node in front.Concat(back)) node.SetMaterial(photoMaterial != null ? photoMaterial : materials.Base);
             return true;
         }
 
-        /// <summary>Why its photograph is missing; else null.</summary>
-        public TerraportException Fault { get; private set; }
-
-        /// <summary>Write the list of faces that one block has after its <see cref="Flip"/>.</summary>
-        public void Prepare(FaceRange block, HiddenFaces next) { blocks[block.First / blockFaces].Prepare(next.Mask, scratch); }
-
-        /// <summary>Draw the prepared list of one block from the next frame on: flags only.</summary>
-        public void Flip(FaceRange block) { blocks[block.First / blockFaces].Flip(); }
-
-        /// <summary>Draw all blocks, pushed back by this scene's deviation: flags only.</summary>
-        public void Show()
+        /// <summary>Draw all blocks: flags only.</summary>
+        internal void Show()
         {
-            // The material outlives this base: the version before may have pushed by another deviation.
+            // The material outlives this base: the version before may have pushed by another distance.
             materials.SetPush(deviationM);
-            for (int block = 0; block < blocks.Count; block++)
+            foreach (GroundNode node in front) node.IsShown = true;
+        }
+
+        /// <summary>Prepare one more block for a swap; true once all are.</summary>
+        internal bool PrepareHidden(byte[] hidden)
+        {
+            if (hidden != comingHidden)
             {
-                blocks[block].Show(true);
+                comingHidden = hidden;
+                preparedBlocks = 0;
+            }
+            if (preparedBlocks == front.Length) return true;
+            int block = preparedBlocks++;
+            isChanged[block] = packed.Differs(block, drawnHidden, hidden);
+            if (isChanged[block])
+            {
+                int count = packed.WriteVisible(block, hidden, scratch);
+                back[block].FaceCount = count / 3;
+                if (count > 0) MeshFiller.SetFaces(back[block].Mesh, packed.Blocks[block], scratch, count);
+            }
+            return preparedBlocks == front.Length;
+        }
+
+        /// <summary>Draw what was prepared: flags only.</summary>
+        internal void Flip()
+        {
+            drawnHidden = comingHidden;
+            for (int block = 0; block < front.Length; block++)
+            {
+                if (!isChanged[block]) continue;
+                isChanged[block] = false;
+                front[block].IsShown = false;
+                GroundNode shown = back[block];
+                back[block] = front[block];
+                front[block] = shown;
+                // A list without a face was not written.
+                shown.IsShown = shown.FaceCount > 0;
             }
         }
 
-        /// <summary>Give everything back; nothing of it is drawn any more.</summary>
-        public void Release()
+        /// <summary>Give everything back.</summary>
+        internal void Release()
         {
-            for (int block = 0; block < blocks.Count; block++)
-            {
-                blocks[block].Release(pool);
-            }
-            blocks.Clear();
-            if (photo != null)
-            {
-                photos.Abandon(photo);
-                photo = null;
-            }
-            // Its own copy: the shared base material is the materials' to destroy.
+            foreach (GroundNode node in front.Concat(back).Where(node => node != null)) pool.Return(node);
+            if (photo != null) photos.Abandon(photo);
             Engine.Destroy(photoMaterial);
-        }
-
-        private void BeginPhoto(MeshImage image)
-        {
-            try
-            {
-                photo = photos.Begin(image);
-            }
-            catch (TerraportException error)
-            {
-                Fault = error; // A kind of image that nothing here reads.
-            }
-        }
-
-        private void Finish()
-        {
-            // Copied into the photograph's material below, so it must be right by then.
-            materials.SetPush(deviationM);
-            if (photo != null && photo.Error != null)
-            {
-                Fault = photo.Error;
-            }
-            else if (photo != null)
-            {
-                photoMaterial = materials.MakeBase(photo.Result);
-            }
-            for (int block = 0; block < blocks.Count; block++)
-            {
-                blocks[block].SetMaterial(photoMaterial != null ? photoMaterial : materials.Base);
-            }
-            isReady = true;
         }
     }
 }

@@ -7,41 +7,32 @@ namespace Terraport.Unity
     [Serializable]
     public sealed class DeviceBudgets
     {
-        /// <summary>Triangles of a landing at most.</summary>
         [Min(1000)]
         [Tooltip("Triangles of a landing at most. More: a larger sharp circle. Fewer: more frames per second.")]
         public int maxTriangles = 6000000;
 
-        /// <summary>
-        /// Graphics memory of everything, MiB: base, what is shown, what is coming, what an aim brought; textures with their mips.
-        /// </summary>
         [Min(16)]
         [Tooltip("Graphics memory of everything, MiB, textures with their mips. More: denser surveys and photographs. Never more than a "
             + "quarter of what the device has.")]
         public int maxGpuMebibytes = 1024;
 
-        /// <summary>Segments of a landing at most; each in view is a draw call.</summary>
         [Min(1)]
         [Tooltip("Segments of a landing at most. Each one in view is a draw call.")]
         public int maxSegments = 4096;
 
-        /// <summary>Radius of a landing unless another is asked for, metres.</summary>
         [Min(1)]
         [Tooltip("Radius of a landing unless another is asked for, metres.")]
         public float radiusM = 60;
 
-        /// <summary>Payload kept in main memory beside what is shown, MiB.</summary>
         [Min(0)]
         [Tooltip("Payload kept in main memory beside what is shown, MiB. More: places landed in before come back without loading.")]
         public int cacheMebibytes = 256;
 
-        /// <summary>Payload kept on disk from one run to the next, of all scenes, MiB; 0 keeps none.</summary>
         [Min(0)]
         [Tooltip("Payload kept on disk from one run to the next, of all scenes, MiB; 0 keeps none. Whoever may read the app's cache may "
             + "read it.")]
         public int diskMebibytes = 1024;
 
-        /// <summary>Payload under way at most, MiB.</summary>
         [Min(1)]
         [Tooltip("Payload under way at most, MiB. More: long links are used in full. Less: a landing that is given up costs less.")]
         public int creditMebibytes = 16;

@@ -4,118 +4,92 @@ using UnityEngine;
 
 namespace Terraport.Unity
 {
-    /// <summary>The materials that ground is drawn with: one for all coloured detail, one for the base, and one per photograph.</summary>
+    /// <summary>The materials of the ground: one for all coloured detail, one for the base, and one for each image.</summary>
     internal sealed class GroundMaterials : IDisposable
     {
-        private const string UnlitShader = "TerraportGround";
-        private const string LitShader = "TerraportGroundLit";
-
         // Ids instead of names: a lookup by name hashes a string at every call.
         private static readonly int PushId = Shader.PropertyToID("_TerraportPushM");
         private static readonly int ReliefId = Shader.PropertyToID("_TerraportRelief");
         private static readonly int HasPhotoId = Shader.PropertyToID("_TerraportHasPhoto");
 
-        private readonly Material detail;
-        private readonly Material ground;
-        // What the shader is told of an image: 1 a photograph, 2 the points' colours.
-        private float photoKind = 1;
-        // Materials without a photograph, to be used again: making one costs garbage.
-        private readonly Stack<Material> spareDetailPhotos = new Stack<Material>();
+        private readonly Stack<Material> spareDetails = new Stack<Material>();
 
-        /// <param name="detailOverride">The project's own material for detail, copied; null for this package's shader.</param>
-        /// <param name="baseOverride">The project's own material for the base, copied; null likewise.</param>
-        /// <param name="settings">Whether the package's own take the project's lights, and else how much of the shape's.</param>
-        public GroundMaterials(Material detailOverride, Material baseOverride, TerraportSettings settings)
+        /// <param name="detail">The project's own material for detail, copied; null for the package's shader.</param>
+        /// <param name="ground">The project's own material for the base, copied; null likewise.</param>
+        /// <param name="settings">How the package's own are lit.</param>
+        internal GroundMaterials(Material detail, Material ground, TerraportSettings settings)
         {
-            detail = Make(detailOverride, settings);
-            ground = Make(baseOverride, settings);
-            // After the detail, which stands before it nearly everywhere: what the detail hides is not shaded.
-            ground.renderQueue = detail.renderQueue + 1;
+            Detail = Make(detail, settings);
+            Base = Make(ground, settings);
+            // After the detail, which is in front of it nearly everywhere: what the detail hides is not shaded.
+            Base.renderQueue = Detail.renderQueue + 1;
         }
 
-        /// <summary>The one material of all segments with vertex colours.</summary>
-        public Material Detail => detail;
+        /// <summary>The material of all segments with vertex colours.</summary>
+        internal Material Detail { get; }
 
-        /// <summary>The material of a base with vertex colours, or of one whose photograph is missing.</summary>
-        public Material Base => ground;
+        /// <summary>The material of a base without an image.</summary>
+        internal Material Base { get; }
 
-        /// <summary>How far the base is pushed back along the line of sight, metres: the scene's deviation.</summary>
-        public void SetPush(double deviationM) { SetFloat(ground, PushId, (float)deviationM); }
+        /// <summary>Images show the points' colours and no photographs: they are lit as vertex colours are. For materials from now on.</summary>
+        internal bool HasImagesOfPoints { get; set; }
 
-        /// <summary>Whether images are the points' colours: they are lit as vertex colours are. For materials from now on.</summary>
-        public void SetPointImages(bool ofPoints) { photoKind = ofPoints ? 2 : 1; }
+        /// <summary>Set how far the base is pushed back along the line of sight, metres.</summary>
+        internal void SetPush(double deviationM) { SetFloat(Base, PushId, (float)deviationM); }
 
-        /// <summary>A material with a photograph for a segment; give it back by <see cref="ReturnDetail"/>.</summary>
-        public Material TakeDetail(PhotoTexture photo)
+        /// <summary>Take a material with a segment's image.</summary>
+        internal Material TakeDetail(PhotoTexture photo)
         {
-            return WithPhoto(spareDetailPhotos.Count > 0 ? spareDetailPhotos.Pop() : Copy(detail), photo);
+            return WithPhoto(spareDetails.Count > 0 ? spareDetails.Pop() : Copy(Detail), photo);
         }
 
-        /// <summary>Take a segment's material back.</summary>
-        public void ReturnDetail(Material material)
+        /// <summary>Give a segment's material back.</summary>
+        internal void ReturnDetail(Material material)
         {
             // Else the spare material would keep the texture alive.
             material.mainTexture = null;
-            spareDetailPhotos.Push(material);
+            spareDetails.Push(material);
         }
 
-        /// <summary>A material with the base's photograph, pushed back as the base is; destroy it after use.</summary>
-        public Material MakeBase(PhotoTexture photo) { return WithPhoto(Copy(ground), photo); }
+        /// <summary>Make a material with the base's image; destroy it after use.</summary>
+        internal Material MakeBase(PhotoTexture photo) { return WithPhoto(Copy(Base), photo); }
 
-        /// <summary>Destroy all materials that are not handed out.</summary>
         public void Dispose()
         {
-            while (spareDetailPhotos.Count > 0)
-            {
-                Engine.Destroy(spareDetailPhotos.Pop());
-            }
-            Engine.Destroy(detail);
-            Engine.Destroy(ground);
+            while (spareDetails.Count > 0) Engine.Destroy(spareDetails.Pop());
+            Engine.Destroy(Detail);
+            Engine.Destroy(Base);
         }
 
         private static Material Make(Material own, TerraportSettings settings)
         {
-            if (own != null)
-            {
-                return Copy(own);
-            }
-            string name = settings.lit ? LitShader : UnlitShader;
+            if (own != null) return Copy(own);
+            string name = settings.lit ? "TerraportGroundLit" : "TerraportGround";
             Shader shader = Resources.Load<Shader>(name);
             if (shader == null || !shader.isSupported)
-            {
                 throw new TerraportException("shader", "shader " + name + " is missing or not supported here; set materials of your own");
-            }
-            Material material = new Material(shader);
-            // Not saved: what this package makes must never end up in a project's scene file.
-            material.hideFlags = HideFlags.DontSave;
+            var material = new Material(shader) { hideFlags = HideFlags.DontSave };
             SetFloat(material, ReliefId, settings.relief);
             return material;
         }
 
-        private static Material Copy(Material from)
-        {
-            Material material = new Material(from);
-            material.hideFlags = HideFlags.DontSave;
-            return material;
-        }
+        // Not saved: what this package makes must never end up in a project's scene file.
+        private static Material Copy(Material from) { return new Material(from) { hideFlags = HideFlags.DontSave }; }
 
         private Material WithPhoto(Material material, PhotoTexture photo)
         {
             material.mainTexture = photo.Texture;
-            // v' = 1 - v for images whose first row is the uppermost: payloads' V was turned for Unity's lower-left origin.
+            // V was turned for images whose first row is the lowest, as Unity has them.
             material.mainTextureScale = new Vector2(1, photo.IsTopDown ? -1 : 1);
             material.mainTextureOffset = new Vector2(0, photo.IsTopDown ? 1 : 0);
-            SetFloat(material, HasPhotoId, photoKind);
+            SetFloat(material, HasPhotoId, HasImagesOfPoints ? 2 : 1);
             return material;
         }
 
         private static void SetFloat(Material material, int id, float value)
         {
             // A project's own material need not have our properties.
-            if (material.HasProperty(id))
-            {
-                material.SetFloat(id, value);
-            }
+            if (material.HasProperty(id)) material.SetFloat(id, value);
         }
     }
 }

@@ -3,237 +3,189 @@ using System.Runtime.InteropServices;
 
 namespace Terraport.Unity
 {
+    /// <summary>A vertex on the graphics card: 24 bytes, Unity's axes.</summary>
+    [StructLayout(LayoutKind.Explicit)]
+    internal struct GroundVertex
+    {
+        internal const int Bytes = 24;
+
+        /// <summary>Metres about the scene's origin.</summary>
+        [FieldOffset(0)]
+        internal float X;
+        [FieldOffset(4)]
+        internal float Y;
+        [FieldOffset(8)]
+        internal float Z;
+
+        /// <summary>127 is 1.</summary>
+        [FieldOffset(12)]
+        internal sbyte NormalX;
+        [FieldOffset(13)]
+        internal sbyte NormalY;
+        [FieldOffset(14)]
+        internal sbyte NormalZ;
+
+        /// <summary>With an image: its coordinates from the lower left.</summary>
+        [FieldOffset(16)]
+        internal float U;
+        [FieldOffset(20)]
+        internal float V;
+
+        /// <summary>Without: linear light, 65535 is 1.</summary>
+        [FieldOffset(16)]
+        internal ushort Red;
+        [FieldOffset(18)]
+        internal ushort Green;
+        [FieldOffset(20)]
+        internal ushort Blue;
+        [FieldOffset(22)]
+        internal ushort Alpha;
+    }
+
     /// <summary>
-    /// A decoded mesh as the GPU wants it: axes turned, vertices interleaved, winding for Unity. Made on the decoding thread, so
-    /// that the main thread only copies. Its buffers grow and are reused with the <see cref="SegmentMesh"/> they belong to:
-    /// packing allocates nothing once they are large enough. No engine: compiled and run without Unity by the tests.
+    /// A decoded mesh as the graphics card wants it, made on a decoding thread so that the main thread only copies. Buffers grow and are used
+    /// again. No engine: the tests run it without Unity.
     /// </summary>
     /// <remarks>
-    /// Positions are written as floats about the scene's origin, and not as the codes they come in: every segment is then drawn
-    /// with one and the same matrix, whatever the material, so equal border vertices stay equal to the last bit and no crack opens.
-    /// It costs four bytes a vertex (docs/decisions/engine-rendering.md).
+    /// Positions are floats about the scene's origin, and everything is drawn with one matrix: equal border vertices stay equal to the last
+    /// bit, and no crack opens. It costs four bytes a vertex (docs/decisions/engine-rendering.md).
     /// </remarks>
-    public sealed class PackedMesh
+    internal sealed class PackedMesh
     {
-        /// <summary>Linear light of ground that has neither colour nor texture: the viewer's grey, 65535 is 1.</summary>
+        /// <summary>Linear light of ground that has neither colour nor image: the viewer's grey.</summary>
         private const ushort PlainRed = 17254, PlainGreen = 17254, PlainBlue = 15916;
 
-        /// <summary>Bytes of a vertex on the GPU, of either kind.</summary>
-        public static readonly int VertexBytes = Math.Max(Marshal.SizeOf(typeof(TintedVertex)), Marshal.SizeOf(typeof(PhotoVertex)));
+        /// <summary>From 65535 on an index would restart a strip on some cards.</summary>
+        private const int MaxShortVertices = 65535;
 
-        /// <summary>Whether <see cref="Photographed"/> holds the vertices; else <see cref="Tinted"/>.</summary>
-        public bool IsPhotographed { get; private set; }
+        private static readonly ushort[] Linear = MakeLinear();
 
-        /// <summary>Vertices that count.</summary>
-        public int VertexCount { get; private set; }
+        internal bool HasImage;
+        internal int VertexCount, IndexCount;
 
-        /// <summary>Vertices with colours; may be longer than <see cref="VertexCount"/>.</summary>
-        public TintedVertex[] Tinted { get; private set; } = Array.Empty<TintedVertex>();
+        /// <summary>May be longer than the counts.</summary>
+        internal GroundVertex[] Vertices = Array.Empty<GroundVertex>();
 
-        /// <summary>Vertices with texture coordinates; may be longer than <see cref="VertexCount"/>.</summary>
-        public PhotoVertex[] Photographed { get; private set; } = Array.Empty<PhotoVertex>();
+        /// <summary>Clockwise seen from outside; those of 16 bits count where <see cref="HasShortIndices"/>.</summary>
+        internal ushort[] ShortIndices = Array.Empty<ushort>();
+        internal uint[] LongIndices = Array.Empty<uint>();
 
-        /// <summary>Indices that count: three per face.</summary>
-        public int IndexCount { get; private set; }
+        /// <summary>Unity's axes.</summary>
+        internal Box Bounds;
 
-        /// <summary>Whether <see cref="ShortIndices"/> holds the indices; else <see cref="LongIndices"/>.</summary>
-        public bool HasShortIndices { get; private set; }
+        /// <summary>A copy of the image's file; null without one.</summary>
+        internal byte[] ImageFile;
+        internal ImageHeader Image;
 
-        /// <summary>Clockwise seen from outside; may be longer than <see cref="IndexCount"/>.</summary>
-        public ushort[] ShortIndices { get; private set; } = Array.Empty<ushort>();
+        internal bool HasShortIndices => VertexCount <= MaxShortVertices;
 
-        /// <summary>Clockwise seen from outside; may be longer than <see cref="IndexCount"/>.</summary>
-        public uint[] LongIndices { get; private set; } = Array.Empty<uint>();
-
-        /// <summary>Box of the vertices, metres, Unity's axes.</summary>
-        public Box Bounds { get; private set; }
-
-        /// <summary>
-        /// Pack a mesh into its own <see cref="SegmentMesh.EngineData"/>. This is what runs on the decoding threads.
-        /// </summary>
-        public static void PackOnto(SegmentMesh mesh)
+        /// <summary>Pack a whole mesh; vertices keep their numbers.</summary>
+        internal void Pack(SegmentMesh mesh)
         {
-            PackedMesh packed = mesh.EngineData as PackedMesh;
-            if (packed == null)
+            Begin(mesh, mesh.VertexCount, 3 * mesh.FaceCount);
+            for (int vertex = 0; vertex < VertexCount; vertex++) Write(mesh, vertex, ref Vertices[vertex]);
+            for (int face = 0; face < IndexCount; face += 3)
             {
-                packed = new PackedMesh();
-                mesh.EngineData = packed;
+                for (int corner = 0; corner < 3; corner++) SetIndex(face + corner, mesh.Indices[face + Axes.TurnCorner(corner)]);
             }
-            packed.Pack(mesh);
+            Box box = mesh.Bounds;
+            Bounds = new Box(box.MinX, box.MinY, Axes.TurnZ(box.MaxZ), box.MaxX, box.MaxY, Axes.TurnZ(box.MinZ));
+            ImageFile = null;
+            if (!mesh.HasImage) return;
+            // Exactly as long as the file: Unity's reader takes whole arrays. The one piece of garbage of an upload.
+            ImageFile = new byte[mesh.ImageFile.Count];
+            Buffer.BlockCopy(mesh.ImageFile.Array, mesh.ImageFile.Offset, ImageFile, 0, ImageFile.Length);
+            Image = mesh.Image;
         }
 
-        /// <summary>Pack a whole mesh; what was here before is overwritten.</summary>
-        public void Pack(SegmentMesh mesh)
-        {
-            // Vertices keep their numbers: the payload's order already serves the vertex cache.
-            Begin(mesh, mesh.VertexCount, mesh.FaceCount * 3);
-            for (int vertex = 0; vertex < mesh.VertexCount; vertex++)
-            {
-                Write(mesh, vertex, vertex);
-            }
-            // Winding is turned here as in Axes.Indices: Z was negated, which mirrors every face.
-            uint[] indices = mesh.Indices;
-            if (HasShortIndices)
-            {
-                for (int at = 0; at < IndexCount; at += 3)
-                {
-                    ShortIndices[at] = (ushort)indices[at];
-                    ShortIndices[at + 1] = (ushort)indices[at + 2];
-                    ShortIndices[at + 2] = (ushort)indices[at + 1];
-                }
-            }
-            else
-            {
-                Axes.Indices(indices, mesh.FaceCount, LongIndices);
-            }
-            Bounds = Axes.Turn(mesh.Bounds);
-        }
-
-        /// <summary>
-        /// Pack some consecutive faces of a mesh, with the vertices that they use alone, numbered anew in the order of their first use.
-        /// </summary>
+        /// <summary>Pack some faces of a mesh, with the vertices that they use, numbered in the order of first use.</summary>
         /// <param name="mesh">The whole mesh.</param>
-        /// <param name="faces">Which faces; at most 21845, so that indices fit into 16 bits.</param>
-        /// <param name="remap">One entry per vertex of the mesh, all -1; left so.</param>
-        public void PackFaces(SegmentMesh mesh, FaceRange faces, int[] remap)
+        /// <param name="faces">Faces of the mesh.</param>
+        /// <param name="first">The first that counts.</param>
+        /// <param name="count">How many count: at most 21845, so that indices fit into 16 bits.</param>
+        /// <param name="numbers">An entry for each vertex of the mesh, all -1; left so.</param>
+        internal void PackFaces(SegmentMesh mesh, int[] faces, int first, int count, int[] numbers)
         {
-            if (faces.Count > ushort.MaxValue / 3)
+            int vertices = 0;
+            for (int at = 3 * first; at < 3 * (first + count); at++)
             {
-                throw new ArgumentException("part of " + faces.Count + " faces, expected at most " + ushort.MaxValue / 3);
+                uint vertex = mesh.Indices[3 * faces[at / 3] + at % 3];
+                if (numbers[vertex] < 0) numbers[vertex] = vertices++;
             }
-            uint[] indices = mesh.Indices;
-            // 1. Number the vertices that these faces use, in the order of first use: neighbours stay close in memory.
-            int vertexCount = 0;
-            for (int at = faces.First * 3; at < faces.End * 3; at++)
+            Begin(mesh, vertices, 3 * count);
+            float minX = float.PositiveInfinity, minY = minX, minZ = minX, maxX = float.NegativeInfinity, maxY = maxX, maxZ = maxX;
+            for (int to = 0; to < IndexCount; to++)
             {
-                if (remap[indices[at]] < 0)
-                {
-                    remap[indices[at]] = vertexCount++;
-                }
+                uint vertex = mesh.Indices[3 * faces[first + to / 3] + Axes.TurnCorner(to % 3)];
+                int number = numbers[vertex];
+                SetIndex(to, (uint)number);
+                Write(mesh, (int)vertex, ref Vertices[number]);
+                GroundVertex written = Vertices[number];
+                minX = Math.Min(minX, written.X);
+                minY = Math.Min(minY, written.Y);
+                minZ = Math.Min(minZ, written.Z);
+                maxX = Math.Max(maxX, written.X);
+                maxY = Math.Max(maxY, written.Y);
+                maxZ = Math.Max(maxZ, written.Z);
             }
-            // 2. Indices by the new numbers. At most 21845 faces have at most 65535 vertices: 16 bits are enough.
-            Begin(mesh, vertexCount, faces.Count * 3);
-            for (int from = faces.First * 3, to = 0; to < IndexCount; from += 3, to += 3)
-            {
-                ShortIndices[to] = (ushort)remap[indices[from]];
-                ShortIndices[to + 1] = (ushort)remap[indices[from + 2]];
-                ShortIndices[to + 2] = (ushort)remap[indices[from + 1]];
-            }
-            // 3. Each vertex once, and the box of them in Unity's axes. Setting remap back to -1 marks it as written, and leaves the array
-            // as it came: the next block needs no clearing.
-            float minX = float.PositiveInfinity, minY = minX, minZ = minX;
-            float maxX = float.NegativeInfinity, maxY = maxX, maxZ = maxX;
-            for (int at = faces.First * 3; at < faces.End * 3; at++)
-            {
-                uint vertex = indices[at];
-                if (remap[vertex] < 0)
-                {
-                    continue; // Written already.
-                }
-                Write(mesh, (int)vertex, remap[vertex]);
-                remap[vertex] = -1;
-                float x, y, z;
-                mesh.PositionAt((int)vertex, out x, out y, out z);
-                z = Axes.TurnZ(z);
-                minX = Math.Min(minX, x);
-                minY = Math.Min(minY, y);
-                minZ = Math.Min(minZ, z);
-                maxX = Math.Max(maxX, x);
-                maxY = Math.Max(maxY, y);
-                maxZ = Math.Max(maxZ, z);
-            }
-            Bounds = faces.Count == 0 ? default(Box) : new Box(minX, minY, minZ, maxX, maxY, maxZ);
+            Bounds = new Box(minX, minY, minZ, maxX, maxY, maxZ);
+            for (int at = 3 * first; at < 3 * (first + count); at++) numbers[mesh.Indices[3 * faces[at / 3] + at % 3]] = -1;
         }
 
-        /// <summary>Let the memory of the vertices go, once they are on the GPU; the indices stay.</summary>
-        public void DropVertices()
-        {
-            Tinted = Array.Empty<TintedVertex>();
-            Photographed = Array.Empty<PhotoVertex>();
-        }
+        /// <summary>Let the vertices go, once they are on the graphics card.</summary>
+        internal void DropVertices() { Vertices = Array.Empty<GroundVertex>(); }
 
         private void Begin(SegmentMesh mesh, int vertexCount, int indexCount)
         {
-            IsPhotographed = mesh.HasTexture;
+            HasImage = mesh.HasImage;
             VertexCount = vertexCount;
             IndexCount = indexCount;
-            // Up to index 65534: 65535 would restart a strip on some GPUs.
-            HasShortIndices = vertexCount <= ushort.MaxValue;
-            if (IsPhotographed)
-            {
-                // Only the kind that is needed grows; the other keeps its buffer for a later mesh.
-                Photographed = WithRoom(Photographed, vertexCount);
-            }
-            else
-            {
-                Tinted = WithRoom(Tinted, vertexCount);
-            }
+            Vertices = WithRoom(Vertices, vertexCount);
             if (HasShortIndices)
-            {
                 ShortIndices = WithRoom(ShortIndices, indexCount);
-            }
             else
-            {
                 LongIndices = WithRoom(LongIndices, indexCount);
-            }
         }
 
-        private void Write(SegmentMesh mesh, int from, int to)
+        private void SetIndex(int at, uint vertex)
         {
-            if (IsPhotographed)
-            {
-                WritePhoto(mesh, from, ref Photographed[to]);
-            }
+            if (HasShortIndices)
+                ShortIndices[at] = (ushort)vertex;
             else
-            {
-                WriteTinted(mesh, from, ref Tinted[to]);
-            }
+                LongIndices[at] = vertex;
         }
 
-        private static void WriteTinted(SegmentMesh mesh, int from, ref TintedVertex vertex)
+        private void Write(SegmentMesh mesh, int from, ref GroundVertex vertex)
         {
-            float z;
-            mesh.PositionAt(from, out vertex.X, out vertex.Y, out z);
+            mesh.PositionAt(from, out vertex.X, out vertex.Y, out float z);
             vertex.Z = Axes.TurnZ(z);
-            Normal(mesh, from, out vertex.NormalX, out vertex.NormalY, out vertex.NormalZ);
-            vertex.Padding = 0;
-            // Four components, since UNorm16 x 3 is no vertex format; the shader takes no alpha.
+            vertex.NormalX = mesh.Normals[3 * from];
+            vertex.NormalY = mesh.Normals[3 * from + 1];
+            vertex.NormalZ = (sbyte)-mesh.Normals[3 * from + 2];
+            if (HasImage)
+            {
+                vertex.U = mesh.UvCodes[2 * from] * 0.5f / mesh.Image.Width;
+                vertex.V = Axes.TurnV(mesh.UvCodes[2 * from + 1] * 0.5f / mesh.Image.Height);
+                return;
+            }
             vertex.Alpha = ushort.MaxValue;
-            if (!mesh.HasColours)
+            vertex.Red = mesh.HasColours ? Linear[mesh.Colours[3 * from]] : PlainRed;
+            vertex.Green = mesh.HasColours ? Linear[mesh.Colours[3 * from + 1]] : PlainGreen;
+            vertex.Blue = mesh.HasColours ? Linear[mesh.Colours[3 * from + 2]] : PlainBlue;
+        }
+
+        private static T[] WithRoom<T>(T[] buffer, int count) { return buffer.Length >= count ? buffer : new T[count + count / 4]; }
+
+        /// <summary>Linear light by sRGB level (IEC 61966-2-1).</summary>
+        private static ushort[] MakeLinear()
+        {
+            var codes = new ushort[256];
+            for (int level = 0; level < codes.Length; level++)
             {
-                vertex.Red = PlainRed;
-                vertex.Green = PlainGreen;
-                vertex.Blue = PlainBlue;
+                double value = level / 255.0, light = value <= 0.04045 ? value / 12.92 : Math.Pow((value + 0.055) / 1.055, 2.4);
+                codes[level] = (ushort)Math.Round(light * 65535);
             }
-            else
-            {
-                vertex.Red = mesh.LinearColours[from * 4];
-                vertex.Green = mesh.LinearColours[from * 4 + 1];
-                vertex.Blue = mesh.LinearColours[from * 4 + 2];
-            }
-        }
-
-        private static void WritePhoto(SegmentMesh mesh, int from, ref PhotoVertex vertex)
-        {
-            float z;
-            mesh.PositionAt(from, out vertex.X, out vertex.Y, out z);
-            vertex.Z = Axes.TurnZ(z);
-            Normal(mesh, from, out vertex.NormalX, out vertex.NormalY, out vertex.NormalZ);
-            vertex.Padding = 0;
-            vertex.U = (float)(mesh.UvScaleU * mesh.UvCodes[from * 2]);
-            vertex.V = Axes.TurnV((float)(mesh.UvScaleV * mesh.UvCodes[from * 2 + 1]));
-        }
-
-        private static void Normal(SegmentMesh mesh, int from, out sbyte x, out sbyte y, out sbyte z)
-        {
-            x = mesh.NormalCodes[from * 4];
-            y = mesh.NormalCodes[from * 4 + 1];
-            z = Axes.TurnNormalZ(mesh.NormalCodes[from * 4 + 2]);
-        }
-
-        private static T[] WithRoom<T>(T[] buffer, int count)
-        {
-            return buffer.Length >= count ? buffer : new T[Math.Max(count, (int)Math.Min(2L * buffer.Length, int.MaxValue / 64))];
+            return codes;
         }
     }
 }

@@ -5,135 +5,128 @@ using UnityEngine;
 
 namespace Terraport.Unity
 {
+    /// <summary>A texture made from a payload's image.</summary>
+    public struct PhotoTexture
+    {
+        /// <summary>The texture; the one that asked for it destroys it.</summary>
+        public Texture2D Texture;
+
+        /// <summary>Its first row is the image's uppermost, unlike Unity's own: V is turned when it is drawn.</summary>
+        public bool IsTopDown;
+    }
+
+    /// <summary>One image on its way from a file to a texture.</summary>
+    internal sealed class PhotoLoad
+    {
+        internal byte[] File;
+        internal ImageHeader Header;
+
+        /// <summary>What another package makes of it; null where Unity reads it.</summary>
+        internal Task<PhotoTexture> Task;
+        internal PhotoTexture Result;
+        internal TerraportException Error;
+
+        /// <summary>Nobody waits for it: what still comes is destroyed.</summary>
+        internal bool IsAbandoned;
+
+        internal bool IsDone => Error != null || Result.Texture != null;
+    }
+
     /// <summary>
-    /// Makes textures from payloads' images, at most one JPEG or PNG in a frame: Unity reads those on the main thread alone, which
-    /// takes milliseconds for each. KTX2 is read on threads, by another package. Main thread.
+    /// Makes textures from images, at most one JPEG or PNG in a frame: Unity reads those on the main thread, which takes milliseconds. KTX2 is
+    /// read on threads by another package. Main thread.
     /// </summary>
     public sealed class PhotoLoader : IDisposable
     {
-        // waiting: files in the order asked for. running: KTX2 images that tasks are reading.
         private readonly Queue<PhotoLoad> waiting = new Queue<PhotoLoad>();
         private readonly List<PhotoLoad> running = new List<PhotoLoad>();
         private bool isDisposed;
 
         /// <summary>
-        /// Reads KTX2: file in, texture out; null without a package that can. Terraport.Ktx sets it where com.unity.cloud.ktx is
-        /// installed; a project may set its own reader.
+        /// Reads KTX2: file in, texture out; null without a package that can. Terraport.Ktx sets it where com.unity.cloud.ktx is installed; a
+        /// project may set its own.
         /// </summary>
         public static Func<byte[], Task<PhotoTexture>> KtxReader { get; set; }
 
-        /// <summary>Whether images of a media type can be read here.</summary>
-        public static bool CanRead(string mediaType)
+        /// <summary>Begin to read an image.</summary>
+        /// <exception cref="TerraportException">Nothing here reads images of that type.</exception>
+        internal PhotoLoad Begin(byte[] file, ImageHeader header)
         {
-            return mediaType == "image/jpeg" || mediaType == "image/png" || (mediaType == "image/ktx2" && KtxReader != null);
-        }
-
-        /// <summary>Images that wait or are being read.</summary>
-        public int Pending => waiting.Count + running.Count;
-
-        /// <summary>Begin to read a mesh's image; the file is copied, so the mesh may be reused.</summary>
-        /// <exception cref="TerraportException">Nothing here reads images of that media type.</exception>
-        internal PhotoLoad Begin(MeshImage image)
-        {
-            if (!CanRead(image.MediaType))
+            bool isKtx = header.MediaType == "image/ktx2";
+            if (header.MediaType == "image/webp" || (isKtx && KtxReader == null))
             {
-                string hint = image.MediaType == "image/ktx2" ? ", install com.unity.cloud.ktx" : ", expected image/jpeg or image/png";
-                throw new TerraportException("unsupported_image", "image is " + image.MediaType + hint);
+                string hint = isKtx ? "install com.unity.cloud.ktx" : "expected JPEG or PNG";
+                throw new TerraportException("unsupported_image", "image is " + header.MediaType + ", " + hint);
             }
-            // Exactly as long as the file: Unity's reader takes whole arrays. The one piece of garbage that an upload makes.
-            byte[] file = new byte[image.Length];
-            Buffer.BlockCopy(image.Bytes, 0, file, 0, image.Length);
-            PhotoLoad load = new PhotoLoad();
-            load.File = file;
-            load.MediaType = image.MediaType;
-            load.Width = image.Width;
-            load.Height = image.Height;
+            var load = new PhotoLoad { File = file, Header = header };
             waiting.Enqueue(load);
             return load;
         }
 
-        /// <summary>Nobody wants it any more: its texture is destroyed, now or when it comes.</summary>
+        /// <summary>Destroy the texture of an image, now or when it comes.</summary>
         internal void Abandon(PhotoLoad load)
         {
             load.IsAbandoned = true;
-            // A load that still waits is skipped by Step; one whose task runs is destroyed when it comes.
             load.File = null;
             Engine.Destroy(load.Result.Texture);
-            load.Result = default(PhotoTexture);
+            load.Result = default;
         }
 
-        /// <summary>Once per frame: take what threads finished, and read the next image.</summary>
-        public void Step()
+        /// <summary>Once per frame: take what threads have finished, and read the next image.</summary>
+        internal void Step()
         {
-            // Backwards: finished loads are removed on the way.
             for (int at = running.Count - 1; at >= 0; at--)
             {
-                if (running[at].Task.IsCompleted)
-                {
-                    Finish(running[at]);
-                    running.RemoveAt(at);
-                }
+                if (!running[at].Task.IsCompleted) continue;
+                Finish(running[at]);
+                running.RemoveAt(at);
             }
             while (waiting.Count > 0)
             {
                 PhotoLoad load = waiting.Dequeue();
-                if (load.IsAbandoned)
-                {
-                    continue;
-                }
-                // One a frame: LoadImage decodes on the main thread.
+                if (load.IsAbandoned) continue;
                 Read(load);
                 return;
             }
         }
 
-        /// <summary>Abandon every image that is on its way; what tasks still finish is destroyed when it comes.</summary>
+        /// <summary>Abandon every image that is on its way.</summary>
         public void Dispose()
         {
             isDisposed = true;
-            foreach (PhotoLoad load in waiting)
-            {
-                Abandon(load);
-            }
             waiting.Clear();
             foreach (PhotoLoad load in running)
             {
-                PhotoLoad abandoned = load;
-                Abandon(abandoned);
-                // Comes back to the main thread where Unity's scheduler is the current one: textures can be destroyed there alone.
-                abandoned.Task.ContinueWith(
-                    _ => Finish(abandoned), TaskScheduler.FromCurrentSynchronizationContext());
+                // Comes back to the main thread: textures can be destroyed there alone.
+                load.Task.ContinueWith(
+                    _ => Finish(load), TaskScheduler.FromCurrentSynchronizationContext());
             }
             running.Clear();
         }
 
         private void Read(PhotoLoad load)
         {
-            // Taken off the load, so that the file is collected as soon as it is read.
             byte[] file = load.File;
             load.File = null;
-            if (load.MediaType == "image/ktx2")
+            if (load.Header.MediaType == "image/ktx2")
             {
                 load.Task = BeginKtx(file);
                 running.Add(load);
                 return;
             }
-            // The size is Unity's to set from the file; mips are made since the empty texture asks for them; colours are sRGB.
-            Texture2D texture = new Texture2D(2, 2, TextureFormat.RGBA32, true, false);
-            // true: no readable copy stays in main memory. Sides must be what the checked header said.
-            if (!texture.LoadImage(file, true) || texture.width != load.Width || texture.height != load.Height)
+            // The size is set from the file; mips are made since the empty texture asks for them; colours are sRGB. No readable copy stays.
+            var texture = new Texture2D(2, 2, TextureFormat.RGBA32, true, false);
+            if (texture.LoadImage(file, true) && texture.width == load.Header.Width && texture.height == load.Header.Height)
             {
-                Engine.Destroy(texture);
-                load.Error =
-                    new TerraportException("bad_image", "image of " + file.Length + " bytes (" + load.MediaType + ") cannot be read");
+                Accept(load, new PhotoTexture { Texture = texture });
                 return;
             }
-            PhotoTexture result = default(PhotoTexture);
-            result.Texture = texture;
-            Accept(load, result);
+            Engine.Destroy(texture);
+            load.Error =
+                new TerraportException("bad_image", "image of " + file.Length + " bytes (" + load.Header.MediaType + ") cannot be read");
         }
 
-        /// <summary>What a project's own reader throws at once is a failure like any other; unseen, the landing would wait for ever.</summary>
+        /// <summary>What a project's own reader throws at once is a failure like any other.</summary>
         private static Task<PhotoTexture> BeginKtx(byte[] file)
         {
             try
@@ -148,28 +141,26 @@ namespace Terraport.Unity
 
         private void Finish(PhotoLoad load)
         {
-            if (load.Task.IsFaulted || load.Task.IsCanceled || load.Task.Result.Texture == null)
+            if (load.Task.Status == TaskStatus.RanToCompletion && load.Task.Result.Texture != null)
             {
-                string reason = load.Task.Exception == null ? "" : ": " + load.Task.Exception.GetBaseException().Message;
-                load.Error = new TerraportException("bad_image", "image (" + load.MediaType + ") cannot be read" + reason);
+                Accept(load, load.Task.Result);
                 return;
             }
-            Accept(load, load.Task.Result);
+            string reason = load.Task.Exception == null ? "" : ": " + load.Task.Exception.GetBaseException().Message;
+            load.Error = new TerraportException("bad_image", "image (" + load.Header.MediaType + ") cannot be read" + reason);
         }
 
         private void Accept(PhotoLoad load, PhotoTexture result)
         {
-            // It came too late: nobody would destroy it.
             if (load.IsAbandoned || isDisposed)
             {
                 Engine.Destroy(result.Texture);
                 return;
             }
             result.Texture.hideFlags = HideFlags.DontSave;
-            // An atlas does not repeat: its edges would bleed into each other.
+            // An atlas does not repeat: its edges would bleed into each other. Ground is seen at grazing angles: anisotropic.
             result.Texture.wrapMode = TextureWrapMode.Clamp;
             result.Texture.filterMode = FilterMode.Trilinear;
-            // Ground is seen at grazing angles: without it, photographs blur away a few metres from the feet.
             result.Texture.anisoLevel = 4;
             load.Result = result;
         }

@@ -1,6 +1,6 @@
 namespace Terraport.Unity
 {
-    /// <summary>What a scene holds, counted by us; for a display.</summary>
+    /// <summary>What a scene holds; for a display.</summary>
     public struct SceneFigures
     {
         /// <summary>Segments on the graphics card, or on their way to it.</summary>
@@ -12,7 +12,7 @@ namespace Terraport.Unity
         /// <summary>Triangles that a camera that sees everything draws, per eye.</summary>
         public long DrawnTriangles;
 
-        /// <summary>What the stream has counted; never null.</summary>
+        /// <summary>What was received.</summary>
         public StreamStats Stream;
     }
 }

@@ -5,195 +5,77 @@ using UnityEngine;
 
 namespace Terraport.Unity
 {
-    /// <summary>
-    /// One opening of a scene: its files, its stream, its stage and what draws them, from Open to Close. Main thread.
-    /// </summary>
+    /// <summary>One opening of a scene, from Open to Close: its files, its visit and what draws it. Main thread.</summary>
     internal sealed class SceneSession : IDisposable
     {
-        /// <summary>Faces of a block of the base: 13 blocks for 200,000 faces, and at most 96 KiB of indices to write for one.</summary>
-        private const int BaseBlockFaces = 16384;
-
-        /// <summary>Between two tries to load the files; doubled from the first to the second.</summary>
-        private const float MinRetryS = 2;
-
-        private const float MaxRetryS = 30;
+        // Between two attempts to load the files; doubled each time.
+        private const float MinRetryS = 2, MaxRetryS = 30;
 
         private readonly TerraportSettings settings;
         private readonly DeviceBudgets budgets;
         private readonly string url;
-        private readonly ITransportFactory transports;
-        private readonly IHttp http;
         private readonly PhotoLoader photos = new PhotoLoader();
-        // Made here and disposed of here, all of them; the stream and the decoders once the files are loaded.
         private readonly GroundMaterials materials;
-        private readonly GroundRenderer renderer;
-        private readonly ShownGround ground;
         private readonly CancellationTokenSource cancel = new CancellationTokenSource();
-        private string token;
-        // Asked in place of it; null without.
-        private Func<string> tokenProvider;
-        // Null while nothing is loaded. Its continuations run on the main thread, which also polls it.
+        private readonly Func<string> token;
+        // Null while nothing is loaded.
         private Task<SceneFiles> loading;
-        private IDecodeQueue decoders;
         // Seconds of realtimeSinceStartup, which goes on while the game's time is scaled or stopped.
-        private float retryAtS = float.PositiveInfinity;
-        private float retryInS = MinRetryS;
-        private bool isDisposed;
-        // The landing that was told of as presentable, and whether all of it.
-        private int presentable;
-        private bool isPresentableWhole;
+        private float retryAtS = float.PositiveInfinity, retryInS = MinRetryS;
 
-        public SceneSession(TerraportScene scene, string url, string token)
+        /// <param name="scene">The component.</param>
+        /// <param name="token">Returns the present token.</param>
+        internal SceneSession(TerraportScene scene, Func<string> token)
         {
             settings = scene.Settings;
             budgets = settings.ActualBudgets;
-            this.url = url;
+            url = scene.SceneUrl;
             this.token = token;
-            tokenProvider = scene.TokenProvider;
-            transports = scene.Transports;
-            http = scene.Http ?? Platform.MakeHttp();
             materials = new GroundMaterials(scene.DetailMaterial, scene.BaseMaterial, settings);
-            renderer = new GroundRenderer(scene.transform, photos, materials, BaseBlockFaces, settings.lit);
-            ground = new ShownGround(renderer);
-            renderer.BaseFault += fault => Fault(fault);
-            loading = LoadAsync();
+            Renderer = new GroundRenderer(scene.transform, photos, materials, settings.lit);
+            Renderer.BaseFault += fault => Failed?.Invoke(fault);
+            Load();
         }
 
-        /// <summary>Files could not be loaded, a segment could not be decoded or drawn.</summary>
-        public event Action<TerraportException> Faulted;
+        /// <summary>Files could not be loaded; it is tried again.</summary>
+        internal event Action<TerraportException> Failed;
 
-        /// <summary>The base's files of a version are here; it is drawn a few frames later.</summary>
-        public event Action<SceneFiles> Loaded;
-
-        /// <summary>Every event of the stream, after the stage has it.</summary>
-        public event StreamEventHandler Streamed;
-
-        /// <summary>What is drawn has changed: raised within Update, after the renderer has it.</summary>
-        public event Action<SceneSwap> Swapped;
-
-        /// <summary>With autoShow off: a landing, or its inner part, can be shown.</summary>
-        public event Action<int> Presentable;
+        /// <summary>Files of a version are here. The first time the visit has just been made.</summary>
+        internal event Action<SceneFiles> Loaded;
 
         /// <summary>Null until the files are here.</summary>
-        public SceneStage Stage { get; private set; }
+        internal SceneClient Client { get; private set; }
 
-        /// <summary>Null until the files are here.</summary>
-        public ISceneStream Stream { get; private set; }
+        internal GroundRenderer Renderer { get; }
 
-        /// <summary>Of the version that is served now; null until they are here.</summary>
-        public SceneFiles Files { get; private set; }
+        internal float RadiusM => budgets.radiusM;
 
-        /// <summary>What it holds on the graphics card, for a display of figures.</summary>
-        public GroundRenderer Renderer => renderer;
-
-        /// <summary>What is shown, for rays; nothing before the base is.</summary>
-        public ShownGround Ground => ground;
-
-        /// <summary>Whether the files are being loaded.</summary>
-        public bool IsLoading => loading != null;
-
-        /// <summary>Radius of a landing for which none is given, metres.</summary>
-        public float RadiusM => budgets.radiusM;
-
-        /// <summary>Connect now, perhaps with another token; begin to load again where that failed.</summary>
-        public void Reconnect(string newToken)
+        /// <summary>Connect now, perhaps with another token; load again where that failed.</summary>
+        internal void Reconnect(string newToken)
         {
-            newToken = string.IsNullOrEmpty(newToken) ? null : newToken;
-            if (newToken != null)
-            {
-                token = newToken;
-                tokenProvider = null;
-            }
-            if (Stream != null)
-            {
-                Stream.Reconnect(newToken);
-            }
-            if (loading == null && (Files == null || Stage.NeedsFiles))
-            {
-                retryAtS = 0;
-            }
+            Client?.Reconnect(newToken);
+            if (loading == null && (Client == null || Client.NeedsFiles)) retryAtS = 0;
         }
 
-        /// <summary>Once per frame: take what came, and do what the frame has time for.</summary>
-        public void Update()
+        /// <summary>Once per frame.</summary>
+        internal void Update()
         {
-            // Order within a frame: files, images, events of the stream, then what the frame's budget allows of decoding's results.
-            TakeFiles();
-            if (loading == null && Time.realtimeSinceStartup >= retryAtS)
-            {
-                Load();
-            }
+            if (loading != null && loading.IsCompleted) TakeFiles();
+            if (loading == null && Time.realtimeSinceStartup >= retryAtS) Load();
             photos.Step();
-            if (Stage == null)
-            {
-                return;
-            }
-            Stream.Pump();
-            StreamEvent next;
-            while (Stream.TryNextEvent(out next))
-            {
-                // The stage first: a listener that asks for the status finds it up to date.
-                Stage.Handle(ref next);
-                if (Streamed != null)
-                {
-                    Streamed(ref next);
-                }
-            }
-            Stage.Update(settings.ActualFrameBudgetMs);
-            if (Stage.NeedsFiles && loading == null && float.IsPositiveInfinity(retryAtS))
-            {
-                Load(); // Another version is served now.
-            }
-            ReportPresentable();
+            if (Client == null) return;
+            Client.Update(settings.ActualFrameBudgetMs);
+            // Another version is served now.
+            if (Client.NeedsFiles && loading == null && float.IsPositiveInfinity(retryAtS)) Load();
         }
 
-        /// <summary>Close the stream and free everything.</summary>
         public void Dispose()
         {
-            if (isDisposed)
-            {
-                return;
-            }
-            isDisposed = true;
-            // From the reader to the resources: whoever still uses something is disposed of before it.
             cancel.Cancel();
-            if (Stage != null)
-            {
-                Stage.Dispose();
-            }
-            if (Stream != null)
-            {
-                Stream.Dispose();
-            }
-            if (decoders != null)
-            {
-                decoders.Dispose();
-            }
-            renderer.Dispose();
+            Client?.Dispose();
+            Renderer.Dispose();
             photos.Dispose();
             materials.Dispose();
-            cancel.Dispose();
-        }
-
-        /// <summary>Tell once of each landing that it can be shown, and once more where its inner part could be first.</summary>
-        private void ReportPresentable()
-        {
-            if (isDisposed || Stage.AutoShow || Presentable == null)
-            {
-                return;
-            }
-            LandingStatus status = Stage.Status;
-            bool isWhole = status.Phase == LandingPhase.Presentable;
-            if (!isWhole && status.Phase != LandingPhase.DegradedPresentable)
-            {
-                return;
-            }
-            if (status.Landing != presentable || (isWhole && !isPresentableWhole))
-            {
-                presentable = status.Landing;
-                isPresentableWhole = isWhole;
-                Presentable(status.Landing);
-            }
         }
 
         private void Load()
@@ -202,163 +84,69 @@ namespace Terraport.Unity
             loading = LoadAsync();
         }
 
+        // Async, so that what a project's own function for tokens throws is a failure like any other.
         private async Task<SceneFiles> LoadAsync()
         {
-            CancellationToken cancelled = cancel.Token;
-            // The newest version at first; later exactly the one that the session has opened.
-            string version = Stage != null && Stage.NeedsFiles ? Stage.NeededVersion : null;
-            SceneFiles files = await SceneLoader.LoadAsync(
-                url, tokenProvider == null ? token : tokenProvider(), http, null, cancelled, version, Platform.Aside);
-            SceneFiles sorted = null;
-            // Aside with the rest of the work: sorting a large base takes longer than a frame.
-            Action prepare = () =>
-            {
-                sorted = BaseOrder.Sort(files, BaseBlockFaces);
-                ground.Prepare(sorted);
-            };
-            if (Platform.Aside == null)
-            {
-                prepare(); // Its blocks are packed one by one while they are uploaded.
-                return sorted;
-            }
-            prepare += () => BaseBlocks.PackOnto(sorted.Base, BaseBlockFaces);
-            await Platform.Aside(prepare);
-            return sorted;
+            return await SceneFiles.LoadAsync(url, token(), Platform.MakeHttp(), Renderer.PrepareBase, cancel.Token, Platform.RunAside);
         }
 
         private void TakeFiles()
         {
-            if (loading == null || !loading.IsCompleted)
-            {
-                return;
-            }
             // Cleared first: a listener of a failure may call Reconnect, which looks at it.
             Task<SceneFiles> finished = loading;
             loading = null;
-            if (finished.IsFaulted || finished.IsCanceled)
-            {
-                // Cancelled, but not by us, who take nothing after that: a project's own IHttp tells a timeout so.
-                Exception error =
-                    finished.IsFaulted ? finished.Exception.GetBaseException() : new TimeoutException("loading was cancelled");
-                retryAtS = Time.realtimeSinceStartup + retryInS;
-                // Doubled up to half a minute, as connections are: a restarted server is not met by everybody at once.
-                retryInS = Math.Min(retryInS * 2, MaxRetryS);
-                Fault(error as TerraportException ?? new TerraportException("load", error.Message, null, error));
-                return;
-            }
-            retryInS = MinRetryS;
-            if (Stage != null && Stage.NeededVersion != null && finished.Result.Manifest.Version != Stage.NeededVersion)
-            {
-                return; // Published once more while these were loaded: Update asks for the newer ones.
-            }
-            Files = finished.Result;
-            if (Stage != null)
-            {
-                Stage.ReplaceFiles(Files);
-            }
-            else if (!TryBegin())
-            {
-                return;
-            }
-            if (Loaded != null)
-            {
-                Loaded(Files);
-            }
-        }
-
-        /// <summary>False, and told, where a setting does not serve: trying again would not help, before somebody reconnects.</summary>
-        private bool TryBegin()
-        {
             try
             {
-                Begin();
-                return true;
+                SceneFiles files = finished.GetAwaiter().GetResult();
+                if (Client == null)
+                    Client = new SceneClient(OptionsOf(files), files, Renderer, GroundVertex.Bytes);
+                else
+                    Client.ReplaceFiles(files);
+                retryInS = MinRetryS;
+                Loaded?.Invoke(files);
             }
-            catch (TerraportException error)
+            catch (Exception error) when (!(error is OutOfMemoryException))
             {
-                Fault(error);
+                retryAtS = Time.realtimeSinceStartup + retryInS;
+                retryInS = Math.Min(retryInS * 2, MaxRetryS);
+                Failed?.Invoke(error as TerraportException ?? new TerraportException("load", error.Message, null, error));
             }
-            catch (ArgumentException error)
-            {
-                Fault(new TerraportException("settings", error.Message, null, error));
-            }
-            // Undo what was begun, so that a Reconnect begins from the start.
-            if (Stream != null)
-            {
-                Stream.Dispose();
-                Stream = null;
-            }
-            if (decoders != null)
-            {
-                decoders.Dispose();
-                decoders = null;
-            }
-            Files = null;
-            return false;
         }
 
-        private void Begin()
+        private SceneClientOptions OptionsOf(SceneFiles files)
         {
-            // After the files: a server's address names its scene only then, and a landing needs the base anyway.
-            Stream = Platform.OpenStream(OptionsOf(), transports);
-            // PackOnto runs where the decode runs: on a thread, wherever there is one.
-            decoders = Platform.MakeDecoders(settings, PackedMesh.PackOnto);
-            StageOptions options = new StageOptions();
-            options.AutoShow = settings.autoShow;
-            options.ShowsCoarse = settings.showsCoarse;
-            options.SpareGpuBytes = Budgets.SpareOf(GpuShareBytes);
-            options.BaseBlockFaces = BaseBlockFaces;
-            Stage = new SceneStage(Stream, Files, ground, decoders, options);
-            Stage.DecodeFailed += (segment, error) => Fault(error);
-            Stage.Swapped += swap =>
-            {
-                if (Swapped != null)
-                {
-                    Swapped(swap);
-                }
+            // What is stated, or a quarter of what the device has (0 where it does not say): engine and app need the rest.
+            long stated = budgets.maxGpuMebibytes, device = SystemInfo.graphicsMemorySize / 4;
+            long gpuBytes = (device > 0 && device < stated ? device : stated) << 20;
+            // The base has all vertices twice. An eighth of the rest is for what an aim brings and for places to return to; the others are for
+            // two landings, of which one replaces the other.
+            SegmentMesh ground = files.Base;
+            long baseBytes = 2L * (GroundVertex.Bytes * ground.VertexCount + 6L * ground.FaceCount) + ground.ImageGpuBytes;
+            long spareBytes = gpuBytes / 8, landingBytes = Math.Max(0, gpuBytes - baseBytes - spareBytes) / 2;
+            return new SceneClientOptions {
+                Session =
+                    new SessionOptions {
+                        Client = "terraport-unity/0.1.0 Unity/" + Application.unityVersion,
+                        CreditBytes = (long)budgets.creditMebibytes << 20,
+                        CacheBytes = (long)budgets.cacheMebibytes << 20,
+                        // Told to the service, which cuts the plan: nothing is sent that would not be shown.
+                        Budgets =
+                            new Budgets {
+                                MaxTriangles = budgets.maxTriangles,
+                                MaxSegments = budgets.maxSegments,
+                                MaxGpuBytes = landingBytes,
+                                GpuVertexBytes = GroundVertex.Bytes,
+                            },
+                    },
+                Token = token,
+                Connect = Platform.Connect,
+                DecodeThreads = Platform.HasThreads ? settings.ActualDecodeThreads : 0,
+                SpareGpuBytes = spareBytes,
+                DiskFolder = Platform.DiskFolder,
+                DiskBytes = (long)budgets.diskMebibytes << 20,
+                AutoShow = settings.autoShow,
+                ShowsCoarse = settings.showsCoarse,
             };
-        }
-
-        /// <summary>What is stated, or a quarter of what the device has: engine and app need the rest.</summary>
-        private long GpuShareBytes
-        {
-            get {
-                long stated = budgets.maxGpuMebibytes;
-                // 0 where the system does not tell.
-                long device = SystemInfo.graphicsMemorySize / 4;
-                return (device > 0 && device < stated ? device : stated) << 20;
-            }
-        }
-
-        private StreamOptions OptionsOf()
-        {
-            StreamOptions options = new StreamOptions();
-            SceneUrl address = SceneUrl.Parse(url);
-            // A server's address stands for its only scene, which the files have named.
-            options.SceneUrl = address.Scene != null ? url : address.ScenesUrl + "/" + Uri.EscapeDataString(Files.Manifest.Id);
-            options.Token = string.IsNullOrEmpty(token) ? null : token; // An empty field of a form is no token.
-            options.TokenProvider = tokenProvider;
-            Budgets bounds = new Budgets();
-            // Sent to the server, which then cuts the plan: nothing is sent that would not be shown.
-            bounds.MaxTriangles = budgets.maxTriangles;
-            bounds.MaxSegments = budgets.maxSegments;
-            bounds.MaxGpuBytes = Budgets.LandingOf(GpuShareBytes, Files.Base);
-            bounds.GpuVertexBytes = PackedMesh.VertexBytes;
-            options.Budgets = bounds;
-            options.CacheBytes = (long)budgets.cacheMebibytes << 20;
-            options.DiskFolder = Platform.DiskFolder;
-            options.DiskBytes = (long)budgets.diskMebibytes << 20;
-            options.CreditBytes = (long)budgets.creditMebibytes << 20;
-            options.Client = ClientVersion.Text + " Unity/" + Application.unityVersion;
-            return options;
-        }
-
-        private void Fault(TerraportException error)
-        {
-            if (Faulted != null)
-            {
-                Faulted(error);
-            }
         }
     }
 }

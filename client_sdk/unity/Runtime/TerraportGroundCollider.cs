@@ -9,39 +9,32 @@ namespace Terraport.Unity
     /// on a thread, a block at a time; nothing is solid before.
     /// </summary>
     /// <remarks>
-    /// It is the base that is solid, hidden faces too, and not the detail, which stands at most the scene's deviation from it nearly
-    /// everywhere: ask <see cref="TerraportScene.GroundAt"/> for the height to stand on.
+    /// The base is solid, hidden faces too, and not the detail, which is at most the scene's deviation away from it nearly everywhere: ask
+    /// <see cref="TerraportScene.GroundAt"/> for the height to stand on.
     /// </remarks>
     [AddComponentMenu("Terraport/Terraport Ground Collider")]
     [RequireComponent(typeof(TerraportScene))]
     [DisallowMultipleComponent]
     public sealed class TerraportGroundCollider : MonoBehaviour
     {
-        private const int BlockFaces = 16384;
-
-        private readonly List<Mesh> meshes = new List<Mesh>();
-        private readonly List<MeshCollider> colliders = new List<MeshCollider>();
-        // Of the version before: solid until the new ground is, or whoever stands on it would fall through.
-        private readonly List<Mesh> leavingMeshes = new List<Mesh>();
-        private readonly List<MeshCollider> leavingColliders = new List<MeshCollider>();
+        private readonly List<SolidMesh> solids = new List<SolidMesh>();
+        // Of the version before: solid until the new ground is, or a body on it would fall through.
+        private readonly List<SolidMesh> leaving = new List<SolidMesh>();
         private TerraportScene scene;
         private SceneFiles files;
-        // One block at a time: packed (packing), cooked on a thread (cooking), then added as a collider on the main thread.
-        private Task<BaseBlocks> packing;
-        private BaseBlocks blocks;
-        private Task cooking;
+        private Task<PackedBase> packing;
+        private PackedBase packed;
 
         /// <summary>Whether all of the base is solid.</summary>
-        public bool IsComplete => blocks != null && colliders.Count == blocks.Count && leavingColliders.Count == 0;
+        public bool IsComplete => packed != null && solids.Count == packed.Blocks.Count && !IsCooking && leaving.Count == 0;
+
+        private bool IsCooking => solids.Count > 0 && solids[solids.Count - 1].IsCooking;
 
         private void OnEnable()
         {
             scene = GetComponent<TerraportScene>();
             scene.Loaded += OnLoaded;
-            if (scene.Files != null)
-            {
-                OnLoaded(scene.Files);
-            }
+            if (scene.Files != null) OnLoaded(scene.Files);
         }
 
         private void OnDisable()
@@ -50,134 +43,50 @@ namespace Terraport.Unity
             Clear();
         }
 
-        private void Update()
-        {
-            if (files != null && scene.Files == null)
-            {
-                Clear(); // It was closed: what is not drawn is not solid either.
-                return;
-            }
-            // 1. The pack, whole, from its thread.
-            if (packing != null && packing.IsCompleted)
-            {
-                if (packing.IsFaulted)
-                {
-                    Debug.LogWarning("terraport: no solid ground: " + packing.Exception.GetBaseException().Message, this);
-                }
-                blocks = packing.IsFaulted ? null : packing.Result;
-                packing = null;
-            }
-            // 2. The block that is being cooked; a mesh may not be touched meanwhile.
-            if (cooking != null && !cooking.IsCompleted)
-            {
-                return;
-            }
-            if (cooking != null)
-            {
-                cooking = null;
-                AddCollider(meshes[meshes.Count - 1]);
-            }
-            // 3. The next block; without threads it is packed in this frame first.
-            if (blocks != null && meshes.Count < blocks.Count
-                && (Platform.HasThreads || blocks.Step() || blocks.PackedCount > meshes.Count))
-            {
-                BeginCooking();
-            }
-            // 4. All solid: the version before can go.
-            if (blocks != null && colliders.Count == blocks.Count && leavingColliders.Count > 0)
-            {
-                DestroyAll(leavingColliders, leavingMeshes);
-            }
-        }
-
         private void OnLoaded(SceneFiles loaded)
         {
-            StopCooking();
-            leavingColliders.AddRange(colliders);
-            leavingMeshes.AddRange(meshes);
-            colliders.Clear();
-            meshes.Clear();
+            leaving.AddRange(solids);
+            solids.Clear();
             files = loaded;
-            BaseBlocks unpacked = new BaseBlocks(files.Base, BlockFaces);
-            if (!Platform.HasThreads)
-            {
-                blocks = unpacked;
-                return;
-            }
-            packing = Task.Run(() =>
-                {
-                    while (unpacked.Step())
-                    {
-                    }
-                    return unpacked;
-                });
+            packed = null;
+            packing = Platform.HasThreads ? Task.Run(() => new PackedBase(loaded.Base)) : Task.FromResult(new PackedBase(loaded.Base));
         }
 
-        private void BeginCooking()
+        private void Update()
         {
-            Mesh mesh = new Mesh();
-            mesh.name = "terraport collider";
-            mesh.hideFlags = HideFlags.DontSave;
-            MeshFiller.Fill(mesh, blocks.PackedOf(meshes.Count));
-            meshes.Add(mesh);
-            // A mesh is named to other threads by its number: 32 bits once, an EntityId from Unity 6.3 on (from 6.5 on nothing else compiles).
-#if UNITY_6000_3_OR_NEWER
-            EntityId id = mesh.GetEntityId();
-#else
-            int id = mesh.GetInstanceID();
-#endif
-            if (Platform.HasThreads)
+            // It was closed: what is not drawn is not solid either.
+            if (files != null && scene.Files == null) Clear();
+            if (packing != null && packing.IsCompleted)
             {
-                cooking = Task.Run(() => Physics.BakeMesh(id, false));
+                packed = packing.Result;
+                packing = null;
             }
-            else
+            if (IsCooking) solids[solids.Count - 1].Step();
+            if (packed == null || IsCooking) return;
+            if (solids.Count < packed.Blocks.Count)
             {
-                Physics.BakeMesh(id, false);
-                AddCollider(mesh);
+                var solid = new SolidMesh(gameObject);
+                MeshFiller.Fill(solid.Mesh, packed.Blocks[solids.Count]);
+                packed.Blocks[solids.Count].DropVertices();
+                solids.Add(solid);
+                solid.Cook();
             }
-        }
-
-        private void AddCollider(Mesh mesh)
-        {
-            MeshCollider solid = gameObject.AddComponent<MeshCollider>();
-            solid.hideFlags = HideFlags.DontSave;
-            // Cooked already, so this only takes the result over.
-            solid.sharedMesh = mesh;
-            colliders.Add(solid);
-        }
-
-        private void StopCooking()
-        {
-            if (cooking != null)
+            else if (leaving.Count > 0)
             {
-                // A mesh must not go while a thread reads it; one block takes some tens of milliseconds.
-                Task.WaitAny(cooking);
-                cooking = null;
+                leaving.ForEach(solid => solid.Destroy());
+                leaving.Clear();
             }
-            packing = null;
-            blocks = null;
         }
 
         private void Clear()
         {
-            StopCooking();
             files = null;
-            DestroyAll(colliders, meshes);
-            DestroyAll(leavingColliders, leavingMeshes);
-        }
-
-        private static void DestroyAll(List<MeshCollider> solids, List<Mesh> shapes)
-        {
-            foreach (MeshCollider solid in solids)
-            {
-                Engine.Destroy(solid);
-            }
+            packing = null;
+            packed = null;
+            solids.ForEach(solid => solid.Destroy());
+            leaving.ForEach(solid => solid.Destroy());
             solids.Clear();
-            foreach (Mesh shape in shapes)
-            {
-                Engine.Destroy(shape);
-            }
-            shapes.Clear();
+            leaving.Clear();
         }
     }
 }

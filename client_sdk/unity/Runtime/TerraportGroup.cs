@@ -6,8 +6,8 @@ using UnityEngine.Events;
 namespace Terraport.Unity
 {
     /// <summary>
-    /// The user's part in a group that visits a scene together: joins by name, lands where the guide lands everybody, lands everybody
-    /// as the guide. Names and groups come from other people: show them as such.
+    /// The user's part in a group that visits a scene together: joins by name, lands where the guide lands the group, lands the group as the
+    /// guide. Names and groups come from other people: show them as such.
     /// </summary>
     [AddComponentMenu("Terraport/Terraport Group")]
     [DisallowMultipleComponent]
@@ -18,11 +18,11 @@ namespace Terraport.Unity
         private TerraportScene scene;
 
         [SerializeField]
-        [Tooltip("Takes the user along in the dark of a fade. Empty: what is shown changes, and the user stays.")]
+        [Tooltip("Takes the user along in the black of a fade. Empty: what is shown changes, and the user stays.")]
         private TerraportTeleport teleport;
 
         [SerializeField]
-        [Tooltip("1 to 64 of A-Z a-z 0-9 _ . ~ -. Who knows it and may see the scene can join.")]
+        [Tooltip("1 to 64 of A-Z a-z 0-9 _ . ~ -. Whoever knows it and may see the scene can join.")]
         private string groupName = "";
 
         [SerializeField]
@@ -42,7 +42,7 @@ namespace Terraport.Unity
         private bool follows = true;
 
         [SerializeField]
-        [Tooltip("Who is in the group, or where it goes, has changed.")]
+        [Tooltip("The members, or where the group goes, have changed.")]
         private UnityEvent onChanged = new UnityEvent();
 
         [SerializeField]
@@ -53,40 +53,35 @@ namespace Terraport.Unity
         [Tooltip("Everybody is there, or nobody waits any longer.")]
         private UnityEvent onGathered = new UnityEvent();
 
+        // Null before the scene is loaded. The client is another one after the scene was closed and opened.
         private GroupFollower follower;
-        // Whose stage the follower has: another one after the scene was closed and opened.
-        private SceneStage stage;
+        private SceneClient client;
 
         /// <summary>The group as it is now, after every change; null without a seat.</summary>
-        public event Action<GroupFacts> Changed;
+        public event Action<Group> Changed;
 
         /// <summary>The guide lands the group there: in Unity's world, and metres of the scene.</summary>
         public event Action<Vector3, double> Called;
 
-        /// <summary>The barrier of a group landing has opened: who has arrived is told by it.</summary>
+        /// <summary>The barrier of a group landing has opened: it says who has arrived.</summary>
         public event Action<GroupGathering> Gathered;
 
-        /// <summary>A join or gather was refused: code of the wire protocol, and for people.</summary>
+        /// <summary>A join or gather was refused: code of the protocol, and text for people.</summary>
         public event Action<string, string> Refused;
 
         /// <summary>The group as it is now; null without a seat.</summary>
-        public GroupFacts Group => follower == null ? null : follower.Group;
+        public Group Group => follower?.Group;
 
         /// <summary>Everybody in the group; empty without a seat.</summary>
-        public IReadOnlyList<GroupMember> Members => Group == null ? Array.Empty<GroupMember>() : Group.Members;
+        public IReadOnlyList<GroupMember> Members => Group?.Members ?? Array.Empty<GroupMember>();
 
-        /// <summary>Whether the guide is followed. Who does not is told apart, and may come later by <see cref="GoThere"/>.</summary>
+        /// <summary>Whether the guide is followed. A member that does not may come later by <see cref="GoThere"/>.</summary>
         public bool Follows
         {
-            get {
-                return follows;
-            }
+            get => follows;
             set {
                 follows = value;
-                if (follower != null)
-                {
-                    follower.Follows = value;
-                }
+                if (follower != null) follower.Follows = value;
             }
         }
 
@@ -97,162 +92,120 @@ namespace Terraport.Unity
         /// <exception cref="ArgumentException">A name that the protocol does not allow.</exception>
         public bool Join(string group, GroupRole asRole, string asName = null)
         {
-            if (follower == null)
-            {
-                return false;
-            }
-            follower.Join(group, asRole, string.IsNullOrEmpty(asName) ? null : asName);
-            Tell();
+            if (follower == null) return false;
+            client.Group.Join(group, asRole, string.IsNullOrEmpty(asName) ? null : asName);
+            RaiseChanged();
             return true;
         }
 
         /// <summary>Give the seat up.</summary>
         public void Leave()
         {
-            if (follower != null)
-            {
-                follower.Leave();
-                Tell();
-            }
+            if (follower == null) return;
+            client.Group.Leave();
+            RaiseChanged();
         }
 
         /// <summary>Land everybody at a point of Unity's world, as the guide; 0 takes the scene's radius. False without a seat.</summary>
         public bool Gather(Vector3 point, float radiusM = 0)
         {
-            if (Group == null)
-            {
-                return false;
-            }
-            scene.Stream.Gather(scene.ToScene(point), radiusM > 0 ? radiusM : scene.DefaultRadiusM);
+            if (Group == null) return false;
+            client.Group.Gather(scene.ToScene(point), radiusM > 0 ? radiusM : scene.DefaultRadiusM);
             return true;
         }
 
-        /// <summary>Bring everybody to where the newest landing is. False without a seat, or before there was a landing.</summary>
+        /// <summary>Bring everybody to the newest landing. False without a seat, or before there was a landing.</summary>
         public bool GatherHere()
         {
-            LandingStatus status = scene == null ? default(LandingStatus) : scene.Status;
-            if (Group == null || status.Landing == 0)
-            {
-                return false;
-            }
-            scene.Stream.Gather(status.Position, status.RadiusM);
+            LandingStatus status = scene == null ? default : scene.Status;
+            if (Group == null || status.Landing == 0) return false;
+            client.Group.Gather(status.Position, status.RadiusM);
             return true;
         }
 
         /// <summary>Go where the group is, though that was not followed. False where it is nowhere.</summary>
-        public bool GoThere() { return follower != null && follower.GoThere() != 0; }
+        public bool GoThere() { return follower != null && follower.GoThere(); }
 
         private void OnEnable()
         {
-            if (scene == null)
-            {
-                scene = GetComponentInParent<TerraportScene>();
-            }
+            if (scene == null) scene = GetComponentInParent<TerraportScene>();
             if (scene == null)
             {
                 Debug.LogWarning("terraport: this group has no scene", this);
                 return;
             }
             scene.Loaded += OnLoaded;
-            scene.Streamed += OnStreamed;
-            if (scene.Files != null)
-            {
-                OnLoaded(scene.Files);
-            }
+            if (scene.Files != null) OnLoaded(scene.Files);
         }
 
         private void OnDisable()
         {
-            if (scene == null)
-            {
-                return;
-            }
+            if (scene == null) return;
             scene.Loaded -= OnLoaded;
-            scene.Streamed -= OnStreamed;
-            // Nobody would answer for this member any more. Of a scene that was closed the seat went with it.
-            if (follower != null && scene.Stage == stage)
-            {
-                follower.Leave();
-            }
-            follower = null;
-            stage = null;
+            // Nobody would answer for this member any more. The seat of a scene that was closed went with it.
+            if (client != null && scene.Client == client) client.Group.Leave();
+            Detach();
         }
 
         private void LateUpdate()
         {
-            if (follower != null && scene.Stage == stage)
-            {
-                follower.Update();
-            }
+            if (follower != null && scene.Client == client) follower.Update();
         }
 
         private void OnLoaded(SceneFiles files)
         {
-            // Told again after a new version was published: the seat stays.
-            if (follower != null && scene.Stage == stage)
-            {
-                return;
-            }
-            stage = scene.Stage;
-            follower = new GroupFollower(scene.Stream, stage) { Follows = follows };
-            if (teleport != null)
-            {
-                follower.Lander = TakeAlong;
-            }
-            if (joinOnLoad && groupName.Length > 0)
-            {
-                Join();
-            }
+            // Raised again after a new version was published: the seat stays.
+            if (scene.Client == client) return;
+            Detach();
+            client = scene.Client;
+            follower = new GroupFollower(client) { Follows = follows };
+            if (teleport != null) follower.Lander = TakeAlong;
+            client.GroupChanged += OnChanged;
+            client.GroupRefused += OnRefused;
+            if (joinOnLoad && groupName.Length > 0) Join();
+        }
+
+        private void Detach()
+        {
+            if (client == null) return;
+            client.GroupChanged -= OnChanged;
+            client.GroupRefused -= OnRefused;
+            follower.Detach();
+            follower = null;
+            client = null;
         }
 
         private int TakeAlong(GroupGathering gathering)
         {
             bool isGoing = teleport.TeleportTo(scene.ToWorld(gathering.Position));
-            return isGoing ? scene.Status.Landing : stage.Land(gathering.Position, gathering.RadiusM);
+            return isGoing ? scene.Status.Landing : client.Land(gathering.Position, gathering.RadiusM);
         }
 
-        private void OnStreamed(ref StreamEvent next)
+        private void OnChanged(GroupChange change)
         {
-            bool isOfGroup = next.Kind >= StreamEventKind.GroupJoined && next.Kind <= StreamEventKind.GroupRefused;
-            if (follower == null || !isOfGroup)
+            RaiseChanged();
+            GroupGathering there = Group?.Gathering;
+            if (change == GroupChange.Called && there != null)
             {
-                return;
+                Called?.Invoke(scene.ToWorld(there.Position), there.RadiusM);
+                onCalled.Invoke();
             }
-            follower.Handle(ref next);
-            Tell();
-            switch (next.Kind)
+            else if (change == GroupChange.Gathered && there != null)
             {
-                case StreamEventKind.GroupCalled:
-                    GroupGathering there = next.Group.Gathering;
-                    if (Called != null)
-                    {
-                        Called(scene.ToWorld(there.Position), there.RadiusM);
-                    }
-                    onCalled.Invoke();
-                    break;
-                case StreamEventKind.GroupGathered:
-                    if (Gathered != null)
-                    {
-                        Gathered(next.Group.Gathering);
-                    }
-                    onGathered.Invoke();
-                    break;
-                case StreamEventKind.GroupRefused:
-                    if (Refused != null)
-                    {
-                        Refused(next.Code, next.Message);
-                    }
-                    break;
-                default: break;
+                Gathered?.Invoke(there);
+                onGathered.Invoke();
             }
         }
 
-        private void Tell()
+        private void OnRefused(string code, string message)
         {
-            if (Changed != null)
-            {
-                Changed(Group);
-            }
+            RaiseChanged();
+            Refused?.Invoke(code, message);
+        }
+
+        private void RaiseChanged()
+        {
+            Changed?.Invoke(Group);
             onChanged.Invoke();
         }
     }

@@ -1,4 +1,5 @@
 using System;
+using System.Collections.Generic;
 using UnityEngine;
 using UnityEngine.Events;
 
@@ -9,15 +10,15 @@ namespace Terraport.Unity
     /// transform of its object is the place of the scene's origin: X east, Y up, Z north, metres.
     /// </summary>
     /// <remarks>
-    /// Opened when enabled with an address, closed when disabled; everything that it made is freed then. All members belong to the main thread, and
-    /// events are raised on it, from Update. Nothing blocks.
+    /// Opened when enabled with an address, closed when disabled; everything that it made is freed then. All members belong to the main
+    /// thread, and events are raised on it, from Update. Nothing blocks.
     /// </remarks>
     [AddComponentMenu("Terraport/Terraport Scene")]
     [DisallowMultipleComponent]
     [ExecuteAlways]
     public sealed partial class TerraportScene : MonoBehaviour
     {
-        // Serialized fields are what the inspector shows; properties below are for code. The token is none of them: it must not be saved.
+        // Serialized fields are what the inspector shows. The token is none of them: it must not be saved.
         [SerializeField]
         [Tooltip("Address of the scene: http(s)://host/scenes/ID.")]
         private string sceneUrl = "";
@@ -34,8 +35,7 @@ namespace Terraport.Unity
         private TerraportSettings settings = new TerraportSettings();
 
         [SerializeField]
-        [Tooltip(
-            "Material for detail; none takes this package's own. It is drawn with vertex colours (linear) or a photograph (_MainTex).")]
+        [Tooltip("Material for detail; none takes this package's own. It is drawn with vertex colours (linear) or an image (_MainTex).")]
         private Material detailMaterial;
 
         [SerializeField]
@@ -54,17 +54,12 @@ namespace Terraport.Unity
         [Tooltip("Something failed; the text says what. What is shown stays.")]
         private UnityEvent<string> onFailed = new UnityEvent<string>();
 
-        // Null while the scene is closed.
-        private SceneSession session;
-        // The session whose Update runs: a listener may close it from within, and it must not be disposed of under its feet.
-        private SceneSession updating;
-        private string token;
-        private LinkState link = new LinkState();
+        // Null while the scene is closed. The other one runs its Update: a listener may close it from within.
+        private SceneSession session, updating;
         // The newest Land before the scene was loaded.
-        private bool hasPendingLanding;
-        private Vec3 pendingPosition;
-        private double pendingRadiusM;
-        private LandOptions pendingOptions;
+        private Action pendingLanding;
+        // The visit whose events are raised.
+        private SceneClient wired;
 
         /// <summary>The files of a scene version are here; the base is drawn a few frames later.</summary>
         public event Action<SceneFiles> Loaded;
@@ -94,125 +89,98 @@ namespace Terraport.Unity
         public event Action<LinkState> LinkChanged;
 
         /// <summary>
-        /// Something failed: files that cannot be loaded, a landing refused, a segment that cannot be drawn (its base stays), a
-        /// connection closed for good. What is shown stays.
+        /// Something failed: files that cannot be loaded, a landing refused, a segment that cannot be drawn (its base stays), a connection
+        /// closed for good. What is shown stays.
         /// </summary>
         public event Action<TerraportException> Failed;
-
-        /// <summary>Every event of the stream, for what has no event of its own.</summary>
-        public event StreamEventHandler Streamed;
 
         /// <summary>Address of the scene: http(s)://host/scenes/ID. Counts when it is opened.</summary>
         public string SceneUrl
         {
-            get {
-                return sceneUrl;
-            }
-            set {
-                sceneUrl = value;
-            }
+            get => sceneUrl;
+            set => sceneUrl = value;
         }
 
-        /// <summary>
-        /// Bearer token; null for a service that asks for none. Never saved with the scene: set it from code, before Open or with
-        /// <see cref="Reconnect"/>.
-        /// </summary>
-        public string Token
-        {
-            get {
-                return token;
-            }
-            set {
-                token = value;
-            }
-        }
+        /// <summary>Bearer token; null for a service that asks for none. Never saved: set it from code, before Open or by <see cref="Reconnect"/>.</summary>
+        public string Token { get; set; }
 
         /// <summary>
-        /// Asked for the present token before each connection and each loading, in place of <see cref="Token"/>: a session then outlives
-        /// its tokens. Null without. Counts when it is opened.
+        /// Asked for the present token before each connection and each loading, instead of <see cref="Token"/>: a session then outlives its
+        /// tokens. Null without. It returns at once what it has: ask your server for the next token before the present one ends.
         /// </summary>
-        /// <remarks>
-        /// Called on the main thread and on the stream's: it returns at once what it has, and touches nothing of the engine. Ask your
-        /// server for the next token before the present one ends.
-        /// </remarks>
         public Func<string> TokenProvider { get; set; }
 
-        /// <summary>How it is loaded and drawn. Counts when it is opened, frame budget apart.</summary>
+        /// <summary>How it is loaded and drawn. Counts when it is opened, the frame budget apart.</summary>
         public TerraportSettings Settings => settings;
 
         /// <summary>The project's own material for detail; null takes this package's. Counts when it is opened.</summary>
         public Material DetailMaterial
         {
-            get {
-                return detailMaterial;
-            }
-            set {
-                detailMaterial = value;
-            }
+            get => detailMaterial;
+            set => detailMaterial = value;
         }
 
         /// <summary>The project's own material for the base; null takes this package's. Counts when it is opened.</summary>
         public Material BaseMaterial
         {
-            get {
-                return baseMaterial;
-            }
-            set {
-                baseMaterial = value;
-            }
+            get => baseMaterial;
+            set => baseMaterial = value;
         }
-
-        /// <summary>Makes the connections; null takes this package's. Counts when it is opened.</summary>
-        public ITransportFactory Transports { get; set; }
-
-        /// <summary>Loads the files; null takes this package's. Counts when it is opened.</summary>
-        public IHttp Http { get; set; }
 
         /// <summary>Whether it was opened and not closed.</summary>
         public bool IsOpen => session != null;
 
         /// <summary>Files of the version that is served now; null until they are here.</summary>
-        public SceneFiles Files => session == null ? null : session.Files;
+        public SceneFiles Files => Client?.Files;
 
-        /// <summary>Null until the files are here: for what goes with a scene, as <see cref="TerraportGroup"/>.</summary>
-        internal SceneStage Stage => session == null ? null : session.Stage;
+        /// <summary>State of the connection.</summary>
+        public LinkState Link { get; private set; }
 
-        internal ISceneStream Stream => session == null ? null : session.Stream;
-
-        /// <summary>Where the connection stands.</summary>
-        public LinkState Link => link;
-
-        /// <summary>Where the newest landing stands.</summary>
-        public LandingStatus Status => session == null || session.Stage == null ? default(LandingStatus) : session.Stage.Status;
+        /// <summary>State of the newest landing.</summary>
+        public LandingStatus Status => Client?.Status ?? default;
 
         /// <summary>Radius of a landing for which none is given, metres.</summary>
-        public float DefaultRadiusM => session != null ? session.RadiusM : settings.ActualBudgets.radiusM;
+        public float DefaultRadiusM => session?.RadiusM ?? settings.ActualBudgets.radiusM;
 
-        /// <summary>Counts for a display: segments, objects, triangles, bytes; allocates, so not for every frame.</summary>
-        public SceneFigures Figures
+        /// <summary>Show a landing as soon as it can be drawn. Off: show it in the black of a fade, by <see cref="Show"/>.</summary>
+        public bool AutoShow
         {
-            get {
-                SceneFigures figures = default(SceneFigures);
-                figures.Stream = new StreamStats();
-                if (session != null)
-                {
-                    figures.Segments = session.Renderer.SegmentCount;
-                    figures.Objects = session.Renderer.ObjectCount;
-                    figures.DrawnTriangles = session.Renderer.DrawnTriangles;
-                    figures.Stream = session.Stream == null ? figures.Stream : session.Stream.Stats;
-                }
-                return figures;
+            get => settings.autoShow;
+            set {
+                settings.autoShow = value;
+                if (Client != null) Client.AutoShow = value;
             }
         }
 
-        /// <summary>Load the scene and connect; nothing where it is open. Closes itself when the component is disabled.</summary>
+        /// <summary>Landings and aims from now on ask for a ring of the coarser level around full detail, where the scene has one.</summary>
+        public bool ShowsCoarse
+        {
+            get => settings.showsCoarse;
+            set {
+                settings.showsCoarse = value;
+                if (Client != null) Client.ShowsCoarse = value;
+            }
+        }
+
+        /// <summary>Counts for a display; allocates, so not for every frame.</summary>
+        public SceneFigures Figures => session == null ? default
+                                                       : new SceneFigures {
+                                                             Segments = Client?.ResidentCount ?? 0,
+                                                             Objects = session.Renderer.ObjectCount,
+                                                             DrawnTriangles = session.Renderer.DrawnTriangles,
+                                                             Stream = Client?.Stats ?? default,
+                                                         };
+
+        /// <summary>Null until the files are here.</summary>
+        internal SceneClient Client => session?.Client;
+
+        /// <summary>What is shown; null until the files are here.</summary>
+        internal ShownGround Ground => Client?.Ground;
+
+        /// <summary>Load the scene and connect; nothing where it is open.</summary>
         public void Open()
         {
-            if (session != null)
-            {
-                return;
-            }
-            // Asked once, here: later every single upload would fail.
+            if (session != null) return;
             if (!MeshFiller.IsSupported)
             {
                 Fail(new TerraportException("unsupported", "this graphics card does not read 16-bit colours or 8-bit normals"));
@@ -220,142 +188,85 @@ namespace Terraport.Unity
             }
             try
             {
-                session = new SceneSession(this, sceneUrl, token);
+                session = new SceneSession(this, () => TokenProvider == null ? Token : TokenProvider());
             }
             catch (TerraportException error)
             {
                 Fail(error);
                 return;
             }
-            // Subscribed after the constructor: it only begins to load, and nothing is raised before the first Update.
-            session.Faulted += Fail;
-            session.Loaded += OnLoaded;
-            session.Streamed += OnStreamed;
-            session.Swapped += OnSwapped;
-            session.Presentable += OnPresentable;
+            SceneSession opened = session;
+            opened.Failed += Fail;
+            opened.Loaded += files => OnLoaded(opened, files);
         }
 
         /// <summary>Disconnect and free everything. What was shown is gone.</summary>
         public void Close()
         {
-            if (session != null)
-            {
-                SceneSession closing = session;
-                // First: a listener that looks at the scene finds it closed.
-                session = null;
-                closing.Faulted -= Fail;
-                closing.Loaded -= OnLoaded;
-                closing.Streamed -= OnStreamed;
-                closing.Swapped -= OnSwapped;
-                closing.Presentable -= OnPresentable;
-                if (closing != updating)
-                {
-                    closing.Dispose();
-                }
-                // Else a listener called: it is disposed of when its Update has come to an end.
-            }
-            hasPendingLanding = false;
-            link = new LinkState();
+            SceneSession closing = session;
+            // First: a listener that looks at the scene finds it closed.
+            session = null;
+            // One that is updating is disposed of when its Update has come to an end.
+            if (closing != null && closing != updating) closing.Dispose();
+            pendingLanding = null;
+            Link = default;
         }
 
         /// <summary>
-        /// Land: full detail within a radius of a point comes, and is then shown in one frame. Supersedes a landing that is not ready.
+        /// Land: full detail within a radius of a point comes, and is then shown in one frame. Supersedes a landing that is not shown.
         /// Before the scene is loaded the newest call is kept until it is.
         /// </summary>
         /// <param name="point">Where, in Unity's world.</param>
         /// <param name="radiusM">Metres of the scene; 0 takes <see cref="DefaultRadiusM"/>.</param>
-        /// <param name="options">Inner radius, deadline, stall; null leaves them to the server.</param>
+        /// <param name="options">Further radii; null for none.</param>
         /// <returns>Number of the landing in the events; 0 where it waits for the scene to be loaded.</returns>
+        /// <exception cref="ArgumentException">A radius or position that cannot be.</exception>
         public int Land(Vector3 point, float radiusM = 0, LandOptions options = null)
         {
-            // Turned into the scene's frame at once: the object may be moved before the scene is loaded.
+            // Converted at once: the object may be moved before the scene is loaded.
             Vec3 position = ToScene(point);
-            // The scene's transform may be scaled; the radius is in metres of the scene, as the server counts.
             double radius = radiusM > 0 ? radiusM : DefaultRadiusM;
-            if (session == null || session.Stage == null)
-            {
-                hasPendingLanding = true;
-                pendingPosition = position;
-                pendingRadiusM = radius;
-                pendingOptions = options;
-                return 0;
-            }
-            return session.Stage.Land(position, radius, options);
+            if (Client != null) return Client.Land(position, radius, options);
+            pendingLanding = () => Client.Land(position, radius, options);
+            return 0;
         }
 
-        /// <summary>Tell where the user points: what a landing there would need is loaded ahead. Cheap; call it in every frame.</summary>
-        /// <param name="point">Where, in Unity's world.</param>
-        /// <param name="radiusM">Metres of the scene; 0 takes <see cref="DefaultRadiusM"/>.</param>
-        public void Aim(Vector3 point, float radiusM = 0)
-        {
-            if (session != null && session.Stage != null)
-            {
-                session.Stage.Aim(ToScene(point), radiusM > 0 ? radiusM : DefaultRadiusM);
-            }
-        }
+        /// <summary>Tell where the user points: what a landing there needs is loaded ahead. Cheap; call it in every frame.</summary>
+        public void Aim(Vector3 point, float radiusM = 0) { Client?.Aim(ToScene(point), radiusM > 0 ? radiusM : DefaultRadiusM); }
 
         /// <summary>
-        /// Show a landing as soon as it can be drawn; may be changed at any time. Switch it off to show it in the dark of a fade, by
-        /// <see cref="Show"/>: <see cref="TerraportTeleport"/> does so.
+        /// Show the newest landing: in this frame where it can be shown, else in the first in which it can. Needed with
+        /// <see cref="AutoShow"/> off. True where it was shown now.
         /// </summary>
-        public bool AutoShow
-        {
-            get {
-                return settings.autoShow;
-            }
-            set {
-                settings.autoShow = value;
-                if (session != null && session.Stage != null)
-                {
-                    session.Stage.AutoShow = value;
-                }
-            }
-        }
+        public bool Show() { return Client != null && Client.Show(); }
 
-        /// <summary>
-        /// Show the newest landing: in this frame where it can be shown, else in the first in which it can. Needed without
-        /// <see cref="TerraportSettings.autoShow"/> alone. True where it was shown now.
-        /// </summary>
-        public bool Show() { return session != null && session.Stage != null && session.Stage.Show(); }
-
-        /// <summary>Ask the server what full detail has above and below a point of Unity's world. Answered by <see cref="Picked"/>.</summary>
+        /// <summary>Ask the service what full detail has above and below a point. Answered by <see cref="Picked"/>.</summary>
         /// <returns>Number of the request; 0 before the scene is loaded.</returns>
-        public int Pick(Vector3 point) { return session == null || session.Stream == null ? 0 : session.Stream.Pick(ToScene(point)); }
+        public int Pick(Vector3 point) { return Client?.Pick(ToScene(point), null) ?? 0; }
 
-        /// <summary>Ask the server what full detail has along a ray of Unity's world. Answered by <see cref="Picked"/>.</summary>
+        /// <summary>Ask the service what full detail has along a ray. Answered by <see cref="Picked"/>.</summary>
         /// <returns>Number of the request; 0 before the scene is loaded.</returns>
-        public int Pick(Ray ray)
-        {
-            if (session == null || session.Stream == null)
-            {
-                return 0;
-            }
-            // As a vector, with the scale: a stretched scene bends directions. The protocol takes any length.
-            Vector3 direction = transform.InverseTransformVector(ray.direction);
-            return session.Stream.Pick(ToScene(ray.origin), Axes.Turn(new Vec3(direction.x, direction.y, direction.z)));
-        }
+        public int Pick(Ray ray) { return Client?.Pick(ToScene(ray.origin), DirectionOf(ray)) ?? 0; }
 
         /// <summary>Connect now, perhaps with another token: after the connection was closed for good, or to cut a wait short.</summary>
-        /// <remarks>A token that is given here stands for <see cref="TokenProvider"/> from now on.</remarks>
+        /// <remarks>A token that is given here counts instead of <see cref="TokenProvider"/> from now on.</remarks>
         public void Reconnect(string newToken = null)
         {
-            if (!string.IsNullOrEmpty(newToken))
+            newToken = string.IsNullOrEmpty(newToken) ? null : newToken;
+            if (newToken != null)
             {
-                token = newToken;
+                Token = newToken;
                 TokenProvider = null;
             }
             if (session == null)
-            {
                 Open();
-                return;
-            }
-            session.Reconnect(newToken);
+            else
+                session.Reconnect(newToken);
         }
 
         /// <summary>The position in the scene's frame (x east, y up, z south, metres) of a point of Unity's world.</summary>
         public Vec3 ToScene(Vector3 point)
         {
-            // The object's transform first, then the axes: the scene's origin may lie, turn and scale anywhere in Unity's world.
             Vector3 local = transform.InverseTransformPoint(point);
             return Axes.Turn(new Vec3(local.x, local.y, local.z));
         }
@@ -367,53 +278,142 @@ namespace Terraport.Unity
             return transform.TransformPoint(new Vector3((float)local.X, (float)local.Y, (float)local.Z));
         }
 
+        /// <summary>The first point of what is shown along a ray of Unity's world. Exact; a fraction of a millisecond.</summary>
+        public bool CastGround(Ray ray, float reachM, out GroundHit hit)
+        {
+            GroundPoint point = default;
+            bool isMet = Ground != null && Ground.Cast(ToScene(ray.origin), DirectionOf(ray), reachM, out point);
+            hit = isMet ? HitOf(point) : default;
+            return isMet;
+        }
+
+        /// <summary>Ground of what is shown on the vertical through a point: the highest not above it, else the lowest above it.</summary>
+        /// <remarks>For feet ask from the knee: a user on a step would else fall through what rises in front.</remarks>
+        public bool GroundAt(Vector3 place, out GroundHit hit)
+        {
+            GroundPoint point = default;
+            bool isMet = Ground != null && Ground.At(ToScene(place), out point);
+            hit = isMet ? HitOf(point) : default;
+            return isMet;
+        }
+
+        /// <summary>The named regions, by name, the largest of each name first; empty before the scene is loaded.</summary>
+        public IReadOnlyList<Place> ListPlaces() { return Files == null ? new List<Place>() : Places.Of(Files.Regions); }
+
+        /// <summary>The place of that name, whatever its case; of several the largest, null where there is none.</summary>
+        public Place FindPlace(string label) { return Places.Find(ListPlaces(), label); }
+
+        /// <summary>Where a place is in Unity's world.</summary>
+        public Vector3 ToWorld(Place place) { return ToWorld(place.Position); }
+
+        /// <summary>Coarser pieces that a region, as of a <see cref="PickHit"/>, is part of, finest first.</summary>
+        public IReadOnlyList<CoarserPiece> CoarserPieces(int region)
+        {
+            return Files == null ? new List<CoarserPiece>() : Places.Coarser(Files.Regions, region);
+        }
+
+        // As a vector, with the scale: a stretched scene bends directions.
+        private Vec3 DirectionOf(Ray ray)
+        {
+            Vector3 along = transform.InverseTransformVector(ray.direction);
+            return Axes.Turn(new Vec3(along.x, along.y, along.z));
+        }
+
+        private GroundHit HitOf(GroundPoint point)
+        {
+            Vector3 place = ToWorld(point.Position);
+            return new GroundHit {
+                Point = place,
+                Normal = ToWorld(point.Position + point.Normal) - place,
+                Distance = (float)point.At,
+                Segment = point.Segment,
+            };
+        }
+
+        private void OnLoaded(SceneSession loaded, SceneFiles files)
+        {
+            if (loaded != session) return;
+            SceneClient client = session.Client;
+            if (wired != client) Wire(client);
+            // First, since what a listener asks for is newer.
+            Action landing = pendingLanding;
+            pendingLanding = null;
+            try
+            {
+                landing?.Invoke();
+            }
+            catch (ArgumentException error)
+            {
+                Fail(new TerraportException("bad_landing", error.Message, null, error));
+            }
+            Loaded?.Invoke(files);
+        }
+
+        private void Wire(SceneClient client)
+        {
+            wired = client;
+            client.Planned += plan => Planned?.Invoke(plan);
+            client.Ready += landing => Ready?.Invoke(landing);
+            client.Presentable += landing => Presentable?.Invoke(landing);
+            client.Picked += (request, hit) => Picked?.Invoke(request, hit);
+            client.Failed += Fail;
+            client.Degraded += landing =>
+            {
+                Degraded?.Invoke(landing);
+                onDegraded.Invoke();
+            };
+            client.Shown += swap =>
+            {
+                Shown?.Invoke(swap);
+                if (swap.Landing > 0 && !swap.IsDegraded) onShown.Invoke();
+            };
+            client.LinkChanged += state =>
+            {
+                Link = state;
+                LinkChanged?.Invoke(state);
+            };
+        }
+
+        private void Fail(TerraportException error)
+        {
+            if (Failed != null)
+                Failed(error);
+            else
+                Debug.LogWarning("terraport: " + error.Code + ": " + error.Message, this);
+            onFailed.Invoke(error.Message);
+        }
+
         private void OnEnable()
         {
             if (!Application.isPlaying)
-            {
                 BeginPreview();
-                return;
-            }
-            if (openOnEnable && !string.IsNullOrEmpty(sceneUrl))
-            {
+            else if (openOnEnable && !string.IsNullOrEmpty(sceneUrl))
                 Open();
-            }
         }
 
         private void OnDisable()
         {
             if (!Application.isPlaying)
-            {
                 EndPreview();
-                return;
-            }
-            Close();
+            else
+                Close();
         }
 
         private void OnApplicationPause(bool isPaused)
         {
-            // A headset that is put on again: what broke meanwhile is not waited for, as after a failure.
-            if (!isPaused && session != null && link.Phase == LinkPhase.Waiting)
-            {
-                session.Reconnect(null);
-            }
+            // A headset that is put on again: what broke meanwhile is not waited for.
+            if (!isPaused && Link.Phase == LinkPhase.Waiting) session?.Reconnect(null);
         }
 
         private void Update()
         {
-            // The editor calls it when anything in the scene changes; what is previewed goes at a pace of its own.
-            if (Application.isPlaying)
-            {
-                Step();
-            }
+            // The editor calls it when anything in the scene changes; a preview goes at its own pace.
+            if (Application.isPlaying) Step();
         }
 
         private void Step()
         {
-            if (session == null)
-            {
-                return;
-            }
+            if (session == null) return;
             updating = session;
             try
             {
@@ -423,11 +423,8 @@ namespace Terraport.Unity
             {
                 SceneSession updated = updating;
                 updating = null;
-                if (updated != session)
-                {
-                    // Closed by one of its own listeners: now nothing of it is on the call stack any more.
-                    updated.Dispose();
-                }
+                // Closed by one of its own listeners.
+                if (updated != session) updated.Dispose();
             }
         }
     }

@@ -12,38 +12,31 @@ namespace Terraport.Unity
 
         private const float DefaultFrameBudgetMs = 3f;
 
-        /// <summary>Which device's bounds count; Auto chooses at run time.</summary>
         [Tooltip("Whose bounds. Auto: a mobile device in XR is a headset, another one a phone, everything else a desktop.")]
         public DeviceProfile profile = DeviceProfile.Auto;
 
         /// <summary>The bounds where the profile is Custom.</summary>
         public DeviceBudgets custom = new DeviceBudgets();
 
-        /// <summary>Milliseconds of a frame for uploads; 0 takes 1.5 in XR, else 3.</summary>
         [Range(0, 20)]
         [Tooltip("Milliseconds of a frame for uploads; 0 takes 1.5 in XR, else 3. More: landings are there sooner. Less: steadier frames.")]
         public float frameBudgetMs;
 
-        /// <summary>Threads that decode; 0 takes two, or one on a device with fewer than four processors. Not in WebGL.</summary>
         [Range(0, 8)]
         [Tooltip("Threads that decode; 0 takes two, or one on a device with fewer than four processors. There are none in WebGL.")]
         public int decodeThreads;
 
-        /// <summary>How much of the shape's own light is laid over vertex colours, 0 to 1.</summary>
         [Range(0, 1)]
         [Tooltip("How much of the shape's own light is laid over vertex colours. 0: the survey's colours as they are.")]
         public float relief = 0.35f;
 
-        /// <summary>Take the project's lights, and cast and receive shadows; else the survey's own light counts.</summary>
         [Tooltip(
             "Take the project's lights, and cast and receive shadows (built-in pipeline and URP). Off: the survey's own light, cheapest.")]
         public bool lit;
 
-        /// <summary>Show a landing as soon as it can be shown; else <see cref="TerraportScene.Show"/> must be called.</summary>
         [Tooltip("Show a landing as soon as it can be shown. Off: call Show, for example in the black frame of a teleport.")]
         public bool autoShow = true;
 
-        /// <summary>Around full detail show a ring of the coarser level, to three times the radius, where the scene has one.</summary>
         [Tooltip(
             "Around full detail show a ring of the coarser level, to three times the radius, where the scene has one. The bounds count "
             + "both; where there is no room for both the ring gives way.")]

@@ -67,10 +67,7 @@ namespace Terraport.Unity
         private bool Begin(Action land)
         {
             TerraportScene target = user == null ? null : user.Scene;
-            if (!isActiveAndEnabled || target == null || target.Files == null)
-            {
-                return false;
-            }
+            if (!isActiveAndEnabled || target == null || target.Files == null) return false;
             if (phase == Phase.Idle || phase == Phase.Lightening)
             {
                 scene = target;
@@ -92,10 +89,7 @@ namespace Terraport.Unity
 
         private void OnDisable()
         {
-            if (phase == Phase.Darkening || phase == Phase.Waiting)
-            {
-                scene.AutoShow = sceneAutoShow;
-            }
+            if (phase == Phase.Darkening || phase == Phase.Waiting) scene.AutoShow = sceneAutoShow;
             phase = Phase.Idle;
             SetDarkness(0);
             if (curtain != null)
@@ -112,18 +106,12 @@ namespace Terraport.Unity
             {
                 case Phase.Darkening:
                     Fade(1);
-                    if (darkness >= 1)
-                    {
-                        Enter(Phase.Waiting);
-                    }
+                    if (darkness >= 1) Enter(Phase.Waiting);
                     break;
                 case Phase.Waiting: Wait(); break;
                 case Phase.Lightening:
                     Fade(0);
-                    if (darkness <= 0)
-                    {
-                        Enter(Phase.Idle);
-                    }
+                    if (darkness <= 0) Enter(Phase.Idle);
                     break;
                 default: break;
             }
@@ -140,33 +128,19 @@ namespace Terraport.Unity
                 // Shown in this frame or in the first in which it can be; the user is set down within it.
                 scene.Show();
             }
-            if (phaseS >= maxDarkS)
-            {
-                user.ArriveNow();
-            }
+            if (phaseS >= maxDarkS) user.ArriveNow();
             // Arrived; or refused, or overtaken by a landing of somebody else: then the rig stays where it is.
-            if (!user.IsComing)
-            {
-                Enter(Phase.Lightening);
-            }
+            if (!user.IsComing) Enter(Phase.Lightening);
         }
 
         private void Enter(Phase next)
         {
             phase = next;
             phaseS = 0;
-            if (next == Phase.Darkening && Darkening != null)
-            {
-                Darkening(fadeS);
-            }
-            if (next == Phase.Lightening)
-            {
-                scene.AutoShow = sceneAutoShow;
-                if (Lightening != null)
-                {
-                    Lightening(fadeS);
-                }
-            }
+            if (next == Phase.Darkening) Darkening?.Invoke(fadeS);
+            if (next != Phase.Lightening) return;
+            scene.AutoShow = sceneAutoShow;
+            Lightening?.Invoke(fadeS);
         }
 
         private void Fade(float to)
@@ -178,14 +152,8 @@ namespace Terraport.Unity
         private void SetDarkness(float value)
         {
             darkness = value;
-            if (curtain == null && fadesCameras && value > 0)
-            {
-                curtain = new FadeCurtain();
-            }
-            if (curtain != null)
-            {
-                curtain.Darkness = value;
-            }
+            if (curtain == null && fadesCameras && value > 0) curtain = new FadeCurtain();
+            if (curtain != null) curtain.Darkness = value;
         }
     }
 }

@@ -59,56 +59,36 @@ namespace Terraport.Unity
         /// <summary>The scene to walk in; set it before the component is enabled.</summary>
         public TerraportScene Scene
         {
-            get {
-                return scene;
-            }
-            set {
-                scene = value;
-            }
+            get => scene;
+            set => scene = value;
         }
 
         /// <summary>What is moved on landing; null where something else does it.</summary>
         public Transform Rig
         {
-            get {
-                return rig;
-            }
-            set {
-                rig = value;
-            }
+            get => rig;
+            set => rig = value;
         }
 
         /// <summary>Whose forward direction aims.</summary>
         public Transform Pointer
         {
-            get {
-                return pointer;
-            }
-            set {
-                pointer = value;
-            }
+            get => pointer;
+            set => pointer = value;
         }
 
         /// <summary>Radius of landings, metres; 0 takes the scene's.</summary>
         public float RadiusM
         {
-            get {
-                return radiusM;
-            }
-            set {
-                radiusM = value;
-            }
+            get => radiusM;
+            set => radiusM = value;
         }
 
         /// <summary>Layers of things that stop the pointer; the ground is none of them.</summary>
         public LayerMask Obstacles
         {
-            get {
-                return obstacles;
-            }
-            set {
-                obstacles = value;
-            }
+            get => obstacles;
+            set => obstacles = value;
         }
 
         /// <summary>Whether a landing of this user is on its way.</summary>
@@ -124,10 +104,8 @@ namespace Terraport.Unity
         /// <summary>Aim along a ray of Unity's world. True, and where, if the ground is met; the scene then loads ahead.</summary>
         public bool TryAim(Ray ray, out Vector3 point)
         {
-            GroundHit ground;
-            RaycastHit obstacle;
-            if (scene == null || !scene.CastGround(ray, reachM, out ground)
-                || (obstacles.value != 0 && Physics.Raycast(ray, out obstacle, ground.Distance, obstacles.value)))
+            if (scene == null || !scene.CastGround(ray, reachM, out GroundHit ground)
+                || (obstacles.value != 0 && Physics.Raycast(ray, out RaycastHit obstacle, ground.Distance, obstacles.value)))
             {
                 point = default(Vector3);
                 return false;
@@ -150,10 +128,7 @@ namespace Terraport.Unity
         public bool LandAtPlace(string label)
         {
             Place place = scene == null ? null : scene.FindPlace(label);
-            if (place == null)
-            {
-                return false;
-            }
+            if (place == null) return false;
             LandAt(scene.ToWorld(place), (float)place.RadiusM);
             return true;
         }
@@ -193,10 +168,7 @@ namespace Terraport.Unity
             scene.Loaded += OnLoaded;
             scene.Shown += OnShown;
             scene.Failed += OnFailed;
-            if (scene.Files != null)
-            {
-                OnLoaded(scene.Files);
-            }
+            if (scene.Files != null) OnLoaded(scene.Files);
         }
 
         private void OnDisable()
@@ -223,10 +195,7 @@ namespace Terraport.Unity
         private void OnShown(SceneSwap swap)
         {
             // 0: a base came, and no landing.
-            if (swap.Landing == 0)
-            {
-                return;
-            }
+            if (swap.Landing == 0) return;
             if (landing > 0 && swap.Landing != landing)
             {
                 Stay(); // Somebody else has landed since: what is sharp now is not around the target.
@@ -247,23 +216,14 @@ namespace Terraport.Unity
         private void OnFailed(TerraportException error)
         {
             // Another landing may be on its way; this one is over only where the scene says that it was refused.
-            if (scene.Status.Phase == LandingPhase.Refused)
-            {
-                Stay();
-            }
+            if (scene.Status.Phase == LandingPhase.Refused) Stay();
         }
 
         private void Arrive()
         {
             Vector3 point = OnGround(target);
-            if (rig != null)
-            {
-                rig.position = point;
-            }
-            if (Arrived != null)
-            {
-                Arrived(point);
-            }
+            if (rig != null) rig.position = point;
+            Arrived?.Invoke(point);
         }
 
         /// <summary>Where feet stand at a place: on what is shown.</summary>

@@ -1,132 +1,92 @@
 using System;
 using System.Collections.Generic;
 using System.IO;
+using System.Linq;
+using System.Security.Cryptography;
 
 namespace Terraport.Tools
 {
-    /// <summary>
-    /// A decoded mesh in the form in which clients are compared (tests/engines/README.md, "Canonical arrays"): what the Python
-    /// SDK's arrays hold, little-endian.
-    /// </summary>
+    /// <summary>The arrays of a mesh as every client is compared by (tests/engines/README.md, "Canonical arrays").</summary>
     internal sealed class MeshArrays
     {
-        public MeshArrays(SegmentMesh mesh)
+        public readonly float[] Positions, Normals, Uvs;
+        public readonly uint[] Indices;
+        public readonly byte[] Colours;
+        public readonly ushort[] Regions;
+        public readonly Dictionary<string, float[]> Attributes = new Dictionary<string, float[]>();
+
+        /// <summary>SHA-256 of the bytes of each array; null for one that the mesh lacks.</summary>
+        public readonly Dictionary<string, object> Digests;
+
+        public MeshArrays(SegmentMesh mesh, IReadOnlyList<AttributeInfo> scales)
         {
             int count = mesh.VertexCount;
-            VertexCount = count;
-            FaceCount = mesh.FaceCount;
-            Indices = new uint[mesh.FaceCount * 3];
-            Array.Copy(mesh.Indices, Indices, Indices.Length);
-            Positions = new float[count * 3];
-            Normals = new float[count * 3];
-            if (mesh.HasColours) Colours = new byte[count * 3];
-            if (mesh.HasTexture) Uvs = new float[count * 2];
-            for (int vertex = 0, at = 0; vertex < count; vertex++, at += 3)
+            Positions = new float[3 * count];
+            Normals = new float[3 * count];
+            for (int vertex = 0; vertex < count; vertex++)
             {
-                mesh.PositionAt(vertex, out Positions[at], out Positions[at + 1], out Positions[at + 2]);
-                mesh.NormalAt(vertex, out Normals[at], out Normals[at + 1], out Normals[at + 2]);
-                if (mesh.HasColours) mesh.ColourAt(vertex, out Colours[at], out Colours[at + 1], out Colours[at + 2]);
-                if (mesh.HasTexture) mesh.UvAt(vertex, out Uvs[vertex * 2], out Uvs[vertex * 2 + 1]);
+                mesh.PositionAt(vertex, out Positions[3 * vertex], out Positions[3 * vertex + 1], out Positions[3 * vertex + 2]);
+                double x = mesh.Normals[3 * vertex], y = mesh.Normals[3 * vertex + 1], z = mesh.Normals[3 * vertex + 2];
+                double length = Math.Sqrt(x * x + y * y + z * z);
+                Normals[3 * vertex] = (float)(x / length);
+                Normals[3 * vertex + 1] = (float)(y / length);
+                Normals[3 * vertex + 2] = (float)(z / length);
             }
-            // The mesh's buffers are longer than it, and used again: copies.
-            if (mesh.HasRegionIds) RegionIds = Copy(mesh.RegionIds, count);
-            if (mesh.HasTexture)
+            Indices = mesh.Indices.Take(3 * mesh.FaceCount).ToArray();
+            Colours = mesh.HasColours ? mesh.Colours.Take(3 * count).ToArray() : null;
+            Regions = mesh.HasRegions ? mesh.Regions.Take(count).ToArray() : null;
+            if (mesh.HasImage)
             {
-                Image = Copy(mesh.Image.Bytes, mesh.Image.Length);
-                MediaType = mesh.Image.MediaType;
-                Width = mesh.Image.Width;
-                Height = mesh.Image.Height;
+                double[] scale = { 0.5 / mesh.Image.Width, 0.5 / mesh.Image.Height };
+                Uvs = mesh.UvCodes.Take(2 * count).Select((code, at) => (float)(code * scale[at % 2])).ToArray();
             }
-            Attributes = new List<KeyValuePair<string, float[]>>();
-            foreach (MeshAttribute attribute in mesh.Attributes)
+            for (int at = 0; at < scales.Count; at++)
             {
-                var values = new float[count];
-                for (int vertex = 0; vertex < count; vertex++) values[vertex] = attribute.ValueAt(vertex);
-                Attributes.Add(new KeyValuePair<string, float[]>(attribute.Name, values));
+                ushort[] codes = mesh.Attributes[at];
+                AttributeInfo scale = scales[at];
+                Attributes[scale.Name] =
+                    codes?.Take(count)
+                        .Select(code => code == SegmentMesh.NoValue ? float.NaN : (float)(scale.Offset + scale.Step * code))
+                        .ToArray();
             }
+            Digests = new Dictionary<string, object> {
+                { "vertices", count },
+                { "faces", mesh.FaceCount },
+                { "positions", Digest(Positions) },
+                { "indices", Digest(Indices) },
+                { "colours", Digest(Colours) },
+                { "region_ids", Digest(Regions) },
+                { "uvs", Digest(Uvs) },
+                { "image", mesh.HasImage ? Hex(mesh.ImageFile.ToArray()) : null },
+                { "media_type", mesh.HasImage ? mesh.Image.MediaType : null },
+                { "attributes",
+                    Attributes.Where(entry => entry.Value != null).ToDictionary(entry => entry.Key, entry => Digest(entry.Value)) },
+            };
         }
 
-        public int VertexCount { get; private set; }
-
-        public int FaceCount { get; private set; }
-
-        /// <summary>Three per vertex, metres, scene frame.</summary>
-        public readonly float[] Positions;
-
-        public uint[] Indices { get; private set; }
-
-        /// <summary>Three per vertex, unit.</summary>
-        public readonly float[] Normals;
-
-        /// <summary>Three per vertex, sRGB; null without.</summary>
-        public readonly byte[] Colours;
-
-        public ushort[] RegionIds { get; private set; }
-
-        /// <summary>Two per vertex; null without a texture.</summary>
-        public readonly float[] Uvs;
-
-        public byte[] Image { get; private set; }
-
-        public string MediaType { get; private set; }
-
-        public int Width { get; private set; }
-
-        public int Height { get; private set; }
-
-        public List<KeyValuePair<string, float[]>> Attributes { get; private set; }
-
-        /// <summary>Write the digests of all arrays, and beside them the normals' own bytes to a folder if one is given.</summary>
-        public void Describe(JsonText json, string folder, uint segment)
-        {
-            json.Open('{');
-            json.Key("vertices").Value((long)VertexCount).Key("faces").Value((long)FaceCount);
-            json.Key("positions").Value(Digest(Bytes(Positions)));
-            json.Key("indices").Value(Digest(Bytes(Indices)));
-            json.Key("colours").Value(Digest(Colours));
-            json.Key("region_ids").Value(Digest(RegionIds == null ? null : Bytes(RegionIds)));
-            json.Key("uvs").Value(Digest(Uvs == null ? null : Bytes(Uvs)));
-            json.Key("image").Value(Digest(Image));
-            json.Key("media_type").Value(MediaType).Key("width").Value((long)Width).Key("height").Value((long)Height);
-            json.Key("attributes").Open('{');
-            foreach (KeyValuePair<string, float[]> attribute in Attributes)
-            {
-                json.Key(attribute.Key).Value(Digest(Bytes(attribute.Value)));
-            }
-            json.Close('}').Close('}');
-            if (folder != null) File.WriteAllBytes(Path.Combine(folder, segment + ".normals"), Bytes(Normals));
-        }
-
-        public static string Digest(byte[] bytes) { return bytes == null ? null : Xxh3.Hash64(bytes).ToString("x16"); }
-
-        private static byte[] Bytes(float[] values)
-        {
-            var bytes = new byte[values.Length * 4];
-            Buffer.BlockCopy(values, 0, bytes, 0, bytes.Length);
-            for (int at = 0; at < values.Length; at++)
-            {
-                // "No value" has many bit patterns; the canonical one is 0x7FC00000.
-                if (!float.IsNaN(values[at])) continue;
-                bytes[at * 4] = 0;
-                bytes[at * 4 + 1] = 0;
-                bytes[at * 4 + 2] = 0xC0;
-                bytes[at * 4 + 3] = 0x7F;
-            }
-            return bytes;
-        }
-
-        private static byte[] Bytes(Array values)
+        public static byte[] Bytes(Array values)
         {
             var bytes = new byte[Buffer.ByteLength(values)];
             Buffer.BlockCopy(values, 0, bytes, 0, bytes.Length);
             return bytes;
         }
 
-        private static T[] Copy<T>(T[] values, int count)
+        private static string Digest(Array values)
         {
-            var copy = new T[count];
-            Array.Copy(values, copy, count);
-            return copy;
+            if (values == null) return null;
+            byte[] bytes = Bytes(values);
+            var floats = values as float[];
+            // "No value" has many bit patterns; the canonical one is 0x7FC00000.
+            for (int at = 0; floats != null && at < floats.Length; at++)
+            {
+                if (float.IsNaN(floats[at])) BitConverter.GetBytes(0x7FC00000).CopyTo(bytes, 4 * at);
+            }
+            return Hex(bytes);
+        }
+
+        private static string Hex(byte[] bytes)
+        {
+            return BitConverter.ToString(SHA256.Create().ComputeHash(bytes)).Replace("-", "").ToLowerInvariant();
         }
     }
 }

@@ -1,19 +1,17 @@
 using System;
 using System.Globalization;
+using System.Linq;
 using System.Runtime.InteropServices;
 using System.Threading;
 
 namespace Terraport.Tools
 {
-    /// <summary>
-    /// Programs around the core that run without Unity: corpora, landings, decode speed, axes. The tests in tests/engines
-    /// compile and run them.
-    /// </summary>
+    /// <summary>Programs around the core that run without Unity. The tests in tests/engines compile and run them.</summary>
     internal static class Program
     {
-        private const string Usage = "usage: terraport-tools corpus wire|payload|session FOLDER\n"
-            + "       terraport-tools land --scene URL [--NAME VALUE ...] STEP ...\n" + "       terraport-tools decode FILE [--seconds S]\n"
-            + "       terraport-tools axes PAYLOAD ...\n";
+        private const string Usage = "usage: terraport-tools corpus messages|payload|landings FOLDER\n"
+            + "       terraport-tools axes PAYLOAD ...\n       terraport-tools regions REGIONS LABELS REGION\n       terraport-tools "
+            + "decode SECONDS ATTRIBUTES PAYLOAD ...\n" + Visit.Usage;
 
         private static int Main(string[] arguments)
         {
@@ -30,21 +28,14 @@ namespace Terraport.Tools
         private static int Run(string[] arguments)
         {
             Thread.CurrentThread.CurrentCulture = CultureInfo.InvariantCulture;
-            var rest = new string[Math.Max(arguments.Length - 1, 0)];
-            Array.Copy(arguments, Math.Min(1, arguments.Length), rest, 0, rest.Length);
-            switch (arguments.Length == 0 ? "" : arguments[0])
+            string[] rest = arguments.Skip(1).ToArray();
+            switch (arguments.FirstOrDefault())
             {
-                case "corpus":
-                    if (rest.Length == 2 && rest[0] == "wire") return new WireCorpus(rest[1]).Run();
-                    if (rest.Length == 2 && rest[0] == "payload") return new PayloadCorpus(rest[1]).Run();
-                    if (rest.Length == 2 && rest[0] == "session") return new SessionCorpus(rest[1]).Run();
-                    break;
-                case "land": return Land.Run(rest);
-                case "decode":
-                    if (rest.Length == 1) return DecodeBenchmark.Run(rest[0], 2.0);
-                    if (rest.Length == 3 && rest[1] == "--seconds") return DecodeBenchmark.Run(rest[0], double.Parse(rest[2]));
-                    break;
+                case "corpus": return Corpora.Run(rest[0], rest[1]);
+                case "land": return Visit.Run(rest);
                 case "axes": return AxesDump.Run(rest);
+                case "regions": return RegionsDump.Run(rest[0], rest[1], int.Parse(rest[2]));
+                case "decode": return DecodeBenchmark.Run(double.Parse(rest[0]), int.Parse(rest[1]), rest.Skip(2).ToArray());
             }
             Console.Error.Write(Usage);
             return 2;

@@ -1,129 +1,78 @@
 using System;
 using System.Collections.Generic;
+using System.Linq;
 
 namespace Terraport.Tools
 {
-    /// <summary>
-    /// A renderer that draws nothing: it notes what would be drawn, and every order that a real one could not keep (a segment
-    /// shown that was never uploaded, a block of the base changed that was not prepared, ...).
-    /// </summary>
-    internal sealed class RecordingRenderer : ISceneRenderer
+    /// <summary>A renderer that draws nothing: it notes what would be drawn, and every order that a real one could not carry out.</summary>
+    internal sealed class RecordingRenderer : IGroundRenderer
     {
-        /// <summary>How often each uploaded segment was asked whether it can be drawn.</summary>
-        private readonly Dictionary<uint, int> uploaded = new Dictionary<uint, int>();
-        private readonly HashSet<uint> begun = new HashSet<uint>();
-        private readonly SortedSet<uint> shown = new SortedSet<uint>();
-        private readonly Dictionary<int, byte[]> prepared = new Dictionary<int, byte[]>();
-        private readonly List<string> faults = new List<string>();
-        private byte[] coming;
-        private byte[] drawn = new byte[0];
-        private SceneFiles uploadedBase;
+        private readonly Dictionary<ulong, MeshArrays> uploaded = new Dictionary<ulong, MeshArrays>();
+        private readonly HashSet<ulong> asked = new HashSet<ulong>();
+        private readonly IReadOnlyList<AttributeInfo> scales;
+        private byte[] prepared, drawnHidden = new byte[0];
+        private int slices, baseSlices;
 
-        /// <summary>Swaps that showed or hid a segment.</summary>
+        public RecordingRenderer(IReadOnlyList<AttributeInfo> scales) { this.scales = scales; }
+
+        /// <summary>Swaps that showed a landing.</summary>
         public int Swaps { get; private set; }
 
-        public IEnumerable<uint> Shown => shown;
+        public HashSet<ulong> Shown { get; private set; } = new HashSet<ulong>();
 
-        /// <summary>Orders that could not be kept.</summary>
-        public IList<string> Faults => faults;
+        public List<string> Faults { get; } = new List<string>();
 
-        /// <summary>Base faces that are not drawn, ascending: as the prepared blocks say, not as the stage says.</summary>
-        public IEnumerable<uint> HiddenFaces
+        /// <summary>Base faces that are not drawn, ascending.</summary>
+        public IEnumerable<int> HiddenFaces =>
+            Enumerable.Range(0, 8 * drawnHidden.Length).Where(face => (drawnHidden[face / 8] >> face % 8 & 1) != 0);
+
+        /// <summary>What was uploaded of a segment.</summary>
+        public MeshArrays Of(ulong key) { return uploaded[key]; }
+
+        public object Prepare(SegmentMesh mesh) { return new MeshArrays(mesh, scales); }
+
+        public object PrepareBase(SceneFiles files) { return null; }
+
+        public void Discard(object mesh) {}
+
+        // In three slices, as a real base takes more than one frame.
+        public bool UploadBase(SceneFiles files) { return ++baseSlices % 3 == 0; }
+
+        public void Upload(ulong key, object mesh)
         {
-            get {
-                for (int face = 0; face < drawn.Length; face++)
-                {
-                    if (drawn[face] != 0) yield return (uint)face;
-                }
-            }
+            if (uploaded.ContainsKey(key)) Faults.Add("second upload of segment " + key.ToString("x16"));
+            uploaded[key] = (MeshArrays)mesh;
         }
 
-        public bool UploadBase(SceneFiles files)
+        // Not at the first question: an image that comes a frame later.
+        public bool IsDrawable(ulong key)
         {
-            // In two calls, as a real base takes more than one frame.
-            bool isFinished = uploadedBase == files;
-            uploadedBase = files;
-            coming = new byte[files.Base.FaceCount];
-            return isFinished;
+            if (!uploaded.ContainsKey(key)) Faults.Add("asked about segment " + key.ToString("x16") + ", which was not uploaded");
+            return !asked.Add(key);
         }
 
-        public void PrepareBase(FaceRange block, HiddenFaces next)
+        public void Free(ulong key)
         {
-            if (block.End > next.Mask.Length)
-            {
-                faults.Add("a block beyond the base's faces");
-                return;
-            }
-            var faces = new byte[block.Count];
-            Array.Copy(next.Mask, block.First, faces, 0, block.Count);
-            prepared[block.First] = faces;
+            if (Shown.Contains(key)) Faults.Add("segment " + key.ToString("x16") + " is freed and drawn");
+            if (!uploaded.Remove(key)) Faults.Add("segment " + key.ToString("x16") + " is freed and was not uploaded");
+            asked.Remove(key);
         }
 
-        public bool Upload(uint segment, SegmentMesh mesh)
+        public bool PrepareHidden(byte[] hidden)
         {
-            if (mesh.VertexCount == 0 || mesh.FaceCount == 0) faults.Add("upload of an empty segment " + segment);
-            if (uploaded.ContainsKey(segment)) faults.Add("second upload of segment " + segment);
-            // Every other segment in two slices, as one with an image.
-            if (segment % 2 == 1 && begun.Add(segment)) return false;
-            begun.Remove(segment);
-            uploaded[segment] = 0;
-            return true;
+            slices = hidden == prepared ? slices + 1 : 1;
+            prepared = hidden;
+            return slices >= 2;
         }
 
-        public bool IsDrawable(uint segment)
+        public void Swap(bool isNewBase, HashSet<ulong> shown)
         {
-            int queries;
-            if (!uploaded.TryGetValue(segment, out queries))
-            {
-                faults.Add("segment " + segment + " is asked about and was not uploaded");
-                return false;
-            }
-            uploaded[segment] = ++queries;
-            // Not at the first question: an image that comes a frame later.
-            return queries > 1;
-        }
-
-        public void Free(uint segment)
-        {
-            begun.Remove(segment);
-            uploaded.Remove(segment);
-            if (shown.Contains(segment)) faults.Add("segment " + segment + " is freed and drawn");
-        }
-
-        public void Swap(SceneSwap swap)
-        {
-            if (swap.Shown.Count + swap.Hidden.Count > 0) Swaps++;
-            if (swap.IsNewBase)
-            {
-                if (coming == null) faults.Add("a new base that was not uploaded");
-                drawn = coming ?? drawn;
-            }
-            foreach (uint segment in swap.Shown)
-            {
-                int queries;
-                if (!uploaded.TryGetValue(segment, out queries) || queries < 2)
-                    faults.Add("segment " + segment + " is shown and cannot be drawn");
-                if (!shown.Add(segment)) faults.Add("segment " + segment + " is shown twice");
-            }
-            foreach (uint segment in swap.Hidden)
-            {
-                if (!shown.Remove(segment)) faults.Add("segment " + segment + " is hidden and was not shown");
-            }
-            foreach (FaceRange block in swap.ChangedBlocks)
-            {
-                byte[] faces;
-                if (prepared.TryGetValue(block.First, out faces) && faces.Length == block.Count)
-                    faces.CopyTo(drawn, block.First);
-                else
-                    faults.Add("block " + block.First + " of the base was not prepared");
-            }
-            // The prepared lists, put together, must hide what the stage says that it hides.
-            for (int face = 0; face < drawn.Length; face++)
-            {
-                if (drawn[face] == swap.BaseHidden.Mask[face]) continue;
-                faults.Add("the prepared blocks of the base are not what the swap says");
-                break;
-            }
+            foreach (ulong key in shown.Where(key => !uploaded.ContainsKey(key)))
+                Faults.Add("segment " + key.ToString("x16") + " cannot be shown");
+            if (!isNewBase && slices < 2) Faults.Add("the base was not prepared");
+            if (!isNewBase) Swaps++;
+            drawnHidden = isNewBase ? new byte[0] : prepared;
+            Shown = new HashSet<ulong>(shown);
         }
     }
 }

@@ -47,7 +47,7 @@ namespace Terraport
 
         /// <summary>
         /// Take the nearest point of a ray at 0 &lt;= At &lt;= nearest.At into <paramref name="nearest"/>; whether there was one.
-        /// Both sides of a face count. Faces with 1 in <paramref name="hidden"/> are not there; null hides none.
+        /// Both sides of a face count. Faces of which the bit in <paramref name="hidden"/> is set are not there; an empty array hides none.
         /// </summary>
         internal bool Cast(Vec3 origin, Vec3 direction, byte[] hidden, ref GroundPoint nearest)
         {
@@ -59,7 +59,7 @@ namespace Terraport
                 int end = Math.Min((box + 1) * BoxFaces, FaceCount);
                 for (int face = box * BoxFaces; face < end; face++)
                 {
-                    if ((hidden == null || hidden[face] == 0) && Meets(face, origin, direction, ref nearest)) isMet = true;
+                    if (!IsHidden(hidden, face) && Meets(face, origin, direction, ref nearest)) isMet = true;
                 }
             }
             return isMet;
@@ -78,7 +78,7 @@ namespace Terraport
                 int end = Math.Min((box + 1) * BoxFaces, FaceCount);
                 for (int face = box * BoxFaces; face < end; face++)
                 {
-                    if ((hidden != null && hidden[face] != 0) || !IsFaceNear(face, centre, halfM)) continue;
+                    if (IsHidden(hidden, face) || !IsFaceNear(face, centre, halfM)) continue;
                     if (corners.Count + 9 > mostNumbers) return false;
                     for (int corner = 0; corner < 3; corner++)
                     {
@@ -89,6 +89,9 @@ namespace Terraport
             }
             return true;
         }
+
+        /// <summary>Whether a face is hidden, by one bit each; without bits none is.</summary>
+        internal static bool IsHidden(byte[] hidden, int face) { return hidden.Length > 0 && (hidden[face >> 3] >> (face & 7) & 1) != 0; }
 
         private static bool Overlaps(double low, double high, double centre, double halfM)
         {
@@ -115,22 +118,22 @@ namespace Terraport
         private bool Meets(int face, Vec3 origin, Vec3 direction, ref GroundPoint nearest)
         {
             Vec3 a = Corner(face * 3);
-            Vec3 u = Minus(Corner(face * 3 + 1), a), v = Minus(Corner(face * 3 + 2), a);
-            Vec3 p = Cross(direction, v);
-            double determinant = Dot(u, p);
+            Vec3 u = Corner(face * 3 + 1) - a, v = Corner(face * 3 + 2) - a;
+            Vec3 p = Vec3.Cross(direction, v);
+            double determinant = Vec3.Dot(u, p);
             if (determinant == 0) return false;
-            Vec3 t = Minus(origin, a);
-            double beta = Dot(t, p) / determinant;
-            Vec3 q = Cross(t, u);
-            double gamma = Dot(direction, q) / determinant;
-            double at = Dot(v, q) / determinant;
+            Vec3 t = origin - a;
+            double beta = Vec3.Dot(t, p) / determinant;
+            Vec3 q = Vec3.Cross(t, u);
+            double gamma = Vec3.Dot(direction, q) / determinant;
+            double at = Vec3.Dot(v, q) / determinant;
             const double Slack = -1e-9;
             if (!(beta >= Slack && gamma >= Slack && beta + gamma <= 1 - Slack && at >= 0 && at <= nearest.At)) return false;
-            Vec3 front = Cross(u, v);
-            double length = Math.Sqrt(Dot(front, front));
+            Vec3 front = Vec3.Cross(u, v);
+            double length = Math.Sqrt(Vec3.Dot(front, front));
             nearest.At = at;
-            nearest.Position = new Vec3(origin.X + at * direction.X, origin.Y + at * direction.Y, origin.Z + at * direction.Z);
-            nearest.Normal = new Vec3(front.X / length, front.Y / length, front.Z / length);
+            nearest.Position = origin + at * direction;
+            nearest.Normal = 1 / length * front;
             return true;
         }
 
@@ -177,11 +180,5 @@ namespace Terraport
             int first = indices[at];
             return new Vec3(positions[first], positions[first + 1], positions[first + 2]);
         }
-
-        private static Vec3 Minus(Vec3 a, Vec3 b) { return new Vec3(a.X - b.X, a.Y - b.Y, a.Z - b.Z); }
-
-        private static double Dot(Vec3 a, Vec3 b) { return a.X * b.X + a.Y * b.Y + a.Z * b.Z; }
-
-        private static Vec3 Cross(Vec3 a, Vec3 b) { return new Vec3(a.Y * b.Z - a.Z * b.Y, a.Z * b.X - a.X * b.Z, a.X * b.Y - a.Y * b.X); }
     }
 }

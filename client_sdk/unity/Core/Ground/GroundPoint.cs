@@ -1,18 +1,18 @@
 namespace Terraport
 {
     /// <summary>Where a ray met the ground that is shown.</summary>
-    public struct GroundPoint
+    internal struct GroundPoint
     {
         /// <summary>Metres, scene frame.</summary>
-        public Vec3 Position { get; internal set; }
+        internal Vec3 Position;
 
-        /// <summary>Unit, of the face's front; scene frame.</summary>
-        public Vec3 Normal { get; internal set; }
+        /// <summary>Unit normal of the face's front, scene frame.</summary>
+        internal Vec3 Normal;
 
         /// <summary>Along the ray, in lengths of its direction.</summary>
-        public double At { get; internal set; }
+        internal double At;
 
         /// <summary>Segment of the face; null for the base.</summary>
-        public uint? Segment { get; internal set; }
+        internal uint? Segment;
     }
 }

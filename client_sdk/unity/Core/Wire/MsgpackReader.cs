@@ -1,188 +1,139 @@
 using System;
 using System.Collections.Generic;
 using System.Text;
-using Terraport.Json;
 
 namespace Terraport.Wire
 {
     /// <summary>
-    /// A strict reader of one msgpack value. Nothing is reserved for a length that the bytes at hand do not have.
+    /// Reads msgpack to values: Dictionary of string to object, object[], string, ArraySegment of bytes, long, double, bool, null.
+    /// Safe on hostile bytes: nesting and items are bounded, and no memory is reserved for what is only announced.
     /// </summary>
     internal sealed class MsgpackReader
     {
+        private const int MaxDepth = 16, MaxItems = 16384;
         private static readonly UTF8Encoding Utf8 = new UTF8Encoding(false, true);
 
-        private readonly byte[] data;
-        private readonly int start;
+        private readonly byte[] bytes;
         private readonly int end;
-        // Stacks shared by all nesting levels: a container pushes its items and pops them when it is complete.
-        private readonly List<JsonValue> values = new List<JsonValue>();
-        private readonly List<string> names = new List<string>();
         private int at;
-        private int valuesLeft;
 
-        private MsgpackReader(ArraySegment<byte> bytes, int maxValues)
+        private MsgpackReader(ArraySegment<byte> message)
         {
-            valuesLeft = maxValues;
-            data = bytes.Array;
-            start = bytes.Offset;
-            at = start;
-            end = start + bytes.Count;
+            bytes = message.Array;
+            at = message.Offset;
+            end = message.Offset + message.Count;
         }
 
-        /// <summary>Read exactly one value; binary fields are views of the bytes.</summary>
-        /// <param name="bytes">One message.</param>
-        /// <param name="maxValues">Most values, keys, maps and arrays counted.</param>
-        /// <exception cref="DecodeException">
-        /// <c>malformed</c>: cut off, nested or counted beyond the limits, a token that no message uses, a key that is no text
-        /// or stands twice, text that is no UTF-8, bytes after the end.
-        /// </exception>
-        internal static JsonValue Read(ArraySegment<byte> bytes, int maxValues)
+        /// <summary>Read one map, which must take all of the bytes. Binary values are views of them.</summary>
+        /// <exception cref="WireException">It is not one whole map of msgpack.</exception>
+        internal static Dictionary<string, object> ReadMap(ArraySegment<byte> message)
         {
-            var reader = new MsgpackReader(bytes, maxValues);
-            JsonValue value = reader.Value(0);
-            int trailing = reader.end - reader.at;
-            if (trailing > 0) throw reader.Malformed("got " + trailing + " bytes after the message, expected none", reader.at);
-            return value;
+            var reader = new MsgpackReader(message);
+            object value = reader.Value(0);
+            if (reader.at != reader.end) throw new WireException((reader.end - reader.at) + " bytes behind the message, expected none");
+            return value as Dictionary<string, object> ?? throw new WireException("got no map, expected a msgpack map");
         }
 
-        private JsonValue Value(int depth)
+        private object Value(int depth)
         {
-            int first = at;
-            // Counted per value, before anything is reserved: the bound holds however the values are nested.
-            if (valuesLeft == 0) throw Malformed("got too many values", first);
-            valuesLeft--;
-            int token = data[Take(1)];
-            // Forms whose number or length is in the token: integers, maps, lists, texts.
-            if (token <= 0x7f) return JsonValue.OfInteger(token);
-            if (token >= 0xe0) return JsonValue.OfInteger(token - 0x100);
-            if (token <= 0x8f) return Map((uint)token & 0x0f, depth, first);
-            if (token <= 0x9f) return List((uint)token & 0x0f, depth, first);
-            if (token <= 0xbf) return JsonValue.OfText(Text((uint)token & 0x1f));
-            switch (token)
+            if (depth > MaxDepth) throw new WireException("nested more than " + MaxDepth + " deep");
+            byte kind = bytes[Take(1)];
+            if (kind < 0x80) return (long)kind;
+            if (kind < 0x90) return Map(kind & 15, depth);
+            if (kind < 0xA0) return List(kind & 15, depth);
+            if (kind < 0xC0) return Text(kind & 31);
+            if (kind >= 0xE0) return (long)(sbyte)kind;
+            switch (kind)
             {
-                // Forms with the width of what follows in the token. Extension types and 0xc1 have no case: no message uses them.
-                case 0xc0: return default(JsonValue);
-                case 0xc2: return JsonValue.OfFlag(false);
-                case 0xc3: return JsonValue.OfFlag(true);
-                case 0xc4: return Binary((uint)Unsigned(1));
-                case 0xc5: return Binary((uint)Unsigned(2));
-                case 0xc6: return Binary((uint)Unsigned(4));
-                case 0xca: return JsonValue.OfFloat(new LittleEndian.FloatBits { Bits = (uint)Unsigned(4) }.Number);
-                case 0xcb: return JsonValue.OfFloat(BitConverter.Int64BitsToDouble(unchecked((long)Unsigned(8))));
-                case 0xcc: return JsonValue.OfInteger((long)Unsigned(1));
-                case 0xcd: return JsonValue.OfInteger((long)Unsigned(2));
-                case 0xce: return JsonValue.OfInteger((long)Unsigned(4));
-                // uint64 may lie beyond long: kept as HugeInteger, and refused by the field's own bounds.
-                case 0xcf: return Long(Unsigned(8));
-                case 0xd0: return JsonValue.OfInteger(unchecked((sbyte)Unsigned(1)));
-                case 0xd1: return JsonValue.OfInteger(unchecked((short)Unsigned(2)));
-                case 0xd2: return JsonValue.OfInteger(unchecked((int)Unsigned(4)));
-                case 0xd3: return JsonValue.OfInteger(unchecked((long)Unsigned(8)));
-                case 0xd9: return JsonValue.OfText(Text((uint)Unsigned(1)));
-                case 0xda: return JsonValue.OfText(Text((uint)Unsigned(2)));
-                case 0xdb: return JsonValue.OfText(Text((uint)Unsigned(4)));
-                case 0xdc: return List((uint)Unsigned(2), depth, first);
-                case 0xdd: return List((uint)Unsigned(4), depth, first);
-                case 0xde: return Map((uint)Unsigned(2), depth, first);
-                case 0xdf: return Map((uint)Unsigned(4), depth, first);
-                default: throw Malformed("got msgpack token 0x" + token.ToString("x2") + ", which no message uses", first);
+                case 0xC0: return null;
+                case 0xC2: return false;
+                case 0xC3: return true;
+                case 0xC4: return Binary(Unsigned(1));
+                case 0xC5: return Binary(Unsigned(2));
+                case 0xC6: return Binary(Unsigned(4));
+                case 0xCA: return (double)BitConverter.ToSingle(BitConverter.GetBytes((uint)Unsigned(4)), 0);
+                case 0xCB: return BitConverter.Int64BitsToDouble((long)Unsigned(8));
+                case 0xCC: return (long)Unsigned(1);
+                case 0xCD: return (long)Unsigned(2);
+                case 0xCE: return (long)Unsigned(4);
+                case 0xCF:
+                    ulong large = Unsigned(8);
+                    return large <= long.MaxValue ? (long)large : throw new WireException("integer " + large + ", expected below 2^63");
+                case 0xD0: return (long)(sbyte)Unsigned(1);
+                case 0xD1: return (long)(short)Unsigned(2);
+                case 0xD2: return (long)(int)Unsigned(4);
+                case 0xD3: return (long)Unsigned(8);
+                case 0xD9: return Text(Unsigned(1));
+                case 0xDA: return Text(Unsigned(2));
+                case 0xDB: return Text(Unsigned(4));
+                case 0xDC: return List(Unsigned(2), depth);
+                case 0xDD: return List(Unsigned(4), depth);
+                case 0xDE: return Map(Unsigned(2), depth);
+                case 0xDF: return Map(Unsigned(4), depth);
+                default: throw new WireException("msgpack type 0x" + kind.ToString("x2") + ", expected none of the extensions");
             }
         }
 
-        private static JsonValue Long(ulong value)
+        private Dictionary<string, object> Map(ulong count, int depth)
         {
-            return value <= long.MaxValue ? JsonValue.OfInteger((long)value) : JsonValue.OfHugeInteger(value);
-        }
-
-        /// <summary>Move on by so many bytes, which must be there; returns where they start.</summary>
-        private int Take(uint length)
-        {
-            int first = at;
-            if (length > (uint)(end - first))
+            var map = new Dictionary<string, object>();
+            for (int left = ItemsOf(count, 2); left > 0; left--)
             {
-                throw Malformed("got " + (end - first) + " bytes, expected " + length + " of a value", first);
+                string key = Value(depth + 1) as string ?? throw new WireException("got a key that is not text");
+                if (map.ContainsKey(key)) throw new WireException("got key " + key + " twice, expected each key once");
+                map.Add(key, Value(depth + 1));
             }
-            at = first + (int)length;
-            return first;
+            return map;
         }
 
-        private ulong Unsigned(int width)
+        private Dictionary<string, object> Map(int count, int depth) { return Map((ulong)count, depth); }
+
+        private object[] List(ulong count, int depth)
         {
-            int first = Take((uint)width);
-            ulong value = 0;
-            for (int index = 0; index < width; index++) value = value << 8 | data[first + index];
-            return value;
+            var list = new object[ItemsOf(count, 1)];
+            for (int item = 0; item < list.Length; item++) list[item] = Value(depth + 1);
+            return list;
         }
 
-        private JsonValue Binary(uint length)
+        private object[] List(int count, int depth) { return List((ulong)count, depth); }
+
+        private int ItemsOf(ulong count, int valuesEach)
         {
-            int first = Take(length);
-            return JsonValue.OfBinary(new ArraySegment<byte>(data, first, (int)length));
+            if (count > MaxItems || (long)count * valuesEach > end - at)
+                throw new WireException(count + " items announced, expected fewer");
+            return (int)count;
         }
 
-        private string Text(uint length)
+        private string Text(ulong count)
         {
-            int first = Take(length);
+            int start = Take(count);
             try
             {
-                return Utf8.GetString(data, first, (int)length);
+                return Utf8.GetString(bytes, start, (int)count);
             }
             catch (ArgumentException)
             {
-                throw Malformed("got text that is not UTF-8", first);
+                throw new WireException("got a text that is not UTF-8");
             }
         }
 
-        private JsonValue List(uint count, int depth, int first)
+        private string Text(int count) { return Text((ulong)count); }
+
+        private ArraySegment<byte> Binary(ulong count) { return new ArraySegment<byte>(bytes, Take(count), (int)count); }
+
+        private ulong Unsigned(int size)
         {
-            ExpectContainer(count, depth, first);
-            int mark = values.Count;
-            for (uint number = 0; number < count; number++) values.Add(Value(depth + 1));
-            return JsonValue.OfList(PopFrom(values, mark));
+            ulong value = 0;
+            for (int from = Take((ulong)size), left = size; left > 0; left--) value = value << 8 | bytes[from++];
+            return value;
         }
 
-        private JsonValue Map(uint count, int depth, int first)
+        private int Take(ulong count)
         {
-            ExpectContainer(count, depth, first);
-            int mark = values.Count;
-            int nameMark = names.Count;
-            for (uint number = 0; number < count; number++)
-            {
-                // Noted before it is read: errors point at the key, not behind it.
-                int keyStart = at;
-                JsonValue key = Value(depth + 1);
-                if (key.Text == null) throw Malformed("got key " + key.Show() + ", expected text", keyStart);
-                names.Add(key.Text);
-                values.Add(Value(depth + 1));
-            }
-            string repeated = JsonObject.FirstRepeated(names, nameMark);
-            if (repeated != null)
-            {
-                throw Malformed("got key " + JsonValue.ShowText(repeated) + " twice, expected each key once", first);
-            }
-            return JsonValue.OfObject(new JsonObject(PopFrom(names, nameMark), PopFrom(values, mark)));
+            if (count > (ulong)(end - at))
+                throw new WireException("message of " + count + " bytes more, expected " + (end - at) + " at most");
+            at += (int)count;
+            return at - (int)count;
         }
-
-        private static T[] PopFrom<T>(List<T> stack, int mark)
-        {
-            var popped = new T[stack.Count - mark];
-            // Everything above the mark belongs to the container that ends here.
-            stack.CopyTo(mark, popped, 0, popped.Length);
-            stack.RemoveRange(mark, popped.Length);
-            return popped;
-        }
-
-        private void ExpectContainer(uint count, int depth, int first)
-        {
-            // A stated count is never trusted with memory: items are pushed as they are read.
-            if (count > WireLimits.MaxContainerItems)
-            {
-                throw Malformed("got " + count + " items, expected at most " + WireLimits.MaxContainerItems, first);
-            }
-            if (depth + 1 > WireLimits.MaxDepth) throw Malformed("got nesting beyond " + WireLimits.MaxDepth + " levels", first);
-        }
-
-        private DecodeException Malformed(string text, int offset) { return new DecodeException("malformed", text, offset - start); }
     }
 }

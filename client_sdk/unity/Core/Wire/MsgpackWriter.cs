@@ -1,128 +1,123 @@
 using System;
-using System.IO;
+using System.Collections.Generic;
 using System.Text;
-using Terraport.Json;
 
 namespace Terraport.Wire
 {
-    /// <summary>Values as msgpack: every integer in its shortest form, every float in 64 bits, as the Python side writes them.</summary>
-    internal static class MsgpackWriter
+    /// <summary>Writes one message: a msgpack map of which the number of fields is set at the end. Fields that are null are left out.</summary>
+    internal sealed class MsgpackWriter
     {
-        private static readonly UTF8Encoding Utf8 = new UTF8Encoding(false, true);
+        private readonly List<byte> bytes = new List<byte>(64);
+        // Where the open maps begin, the outermost first, and how many fields each has.
+        private readonly Stack<KeyValuePair<int, int>> open = new Stack<KeyValuePair<int, int>>();
+        private int fields;
 
-        /// <summary>Write one value.</summary>
-        internal static byte[] Write(JsonValue value)
+        /// <summary>Begin a message of a type.</summary>
+        internal MsgpackWriter(string type)
         {
-            var into = new MemoryStream();
-            Value(value, into);
-            return into.ToArray();
+            bytes.Add(0);
+            Text("type", type);
         }
 
-        private static void Value(JsonValue value, Stream into)
+        /// <summary>Return the message.</summary>
+        internal byte[] ToArray()
         {
-            // One case a kind. HugeInteger has none: no message of ours holds one.
-            switch (value.Kind)
-            {
-                case JsonKind.Null: into.WriteByte(0xc0); break;
-                case JsonKind.Flag:
-                    bool flag;
-                    value.TryFlag(out flag);
-                    into.WriteByte(flag ? (byte)0xc3 : (byte)0xc2);
-                    break;
-                case JsonKind.Integer:
-                    long integer;
-                    value.TryInteger(out integer);
-                    Integer(integer, into);
-                    break;
-                case JsonKind.Float:
-                    double number;
-                    value.TryNumber(out number);
-                    Sized(0xcb, 8, unchecked((ulong)BitConverter.DoubleToInt64Bits(number)), into);
-                    break;
-                case JsonKind.Text: Text(value.Text, into); break;
-                case JsonKind.Binary:
-                    ArraySegment<byte> bytes = value.Bytes;
-                    // -1: binary has no form with its length in the token.
-                    Head((uint)bytes.Count, 0, -1, 0xc4, 0xc5, into);
-                    into.Write(bytes.Array, bytes.Offset, bytes.Count);
-                    break;
-                case JsonKind.List: List(value, into); break;
-                case JsonKind.Object: Map(value.Members, into); break;
-                default: throw new InvalidOperationException("got " + value.Show() + ", which no message has");
-            }
+            bytes[0] = (byte)(0x80 | fields);
+            return bytes.ToArray();
         }
 
-        private static void List(JsonValue list, Stream into)
+        internal MsgpackWriter Text(string key, string value)
         {
-            // 0: lists and maps have no form with an 8-bit count.
-            Head((uint)list.Count, 0x90, 15, 0, 0xdc, into);
-            for (int index = 0; index < list.Count; index++) Value(list[index], into);
+            if (value == null) return this;
+            Key(key);
+            WriteText(value);
+            return this;
         }
 
-        private static void Map(JsonObject members, Stream into)
+        internal MsgpackWriter Integer(string key, long? value)
         {
-            Head((uint)members.Count, 0x80, 15, 0, 0xde, into);
-            for (int index = 0; index < members.Count; index++)
-            {
-                Text(members.NameAt(index), into);
-                Value(members.ValueAt(index), into);
-            }
-        }
-
-        private static void Integer(long value, Stream into)
-        {
-            if (value >= 0)
-            {
-                // The shortest form that holds it: the same message gives the same bytes in every language.
-                if (value <= 0x7f)
-                    into.WriteByte((byte)value);
-                else if (value <= 0xff)
-                    Sized(0xcc, 1, (ulong)value, into);
-                else if (value <= 0xffff)
-                    Sized(0xcd, 2, (ulong)value, into);
-                else if (value <= 0xffffffffL)
-                    Sized(0xce, 4, (ulong)value, into);
-                else
-                    Sized(0xcf, 8, (ulong)value, into);
-            }
-            else if (value >= -0x20)
-                into.WriteByte(unchecked((byte)value));
-            else if (value >= -0x80)
-                Sized(0xd0, 1, unchecked((ulong)value), into);
-            else if (value >= -0x8000)
-                Sized(0xd1, 2, unchecked((ulong)value), into);
-            else if (value >= -0x80000000L)
-                Sized(0xd2, 4, unchecked((ulong)value), into);
+            if (value == null) return this;
+            Key(key);
+            if (value >= 0 && value < 0x80)
+                bytes.Add((byte)value.Value);
             else
-                Sized(0xd3, 8, unchecked((ulong)value), into);
+                BigEndian(0xD3, (ulong)value.Value, 8);
+            return this;
         }
 
-        private static void Text(string text, Stream into)
+        internal MsgpackWriter Number(string key, double? value)
         {
-            byte[] bytes = Utf8.GetBytes(text);
-            Head((uint)bytes.Length, 0xa0, 31, 0xd9, 0xda, into);
-            into.Write(bytes, 0, bytes.Length);
+            if (value == null) return this;
+            Key(key);
+            WriteNumber(value.Value);
+            return this;
         }
 
-        /// <summary>A token and a number behind it, most significant byte first.</summary>
-        private static void Sized(byte token, int width, ulong value, Stream into)
+        internal MsgpackWriter Point(string key, Vec3? value)
         {
-            into.WriteByte(token);
-            for (int shift = 8 * (width - 1); shift >= 0; shift -= 8) into.WriteByte(unchecked((byte)(value >> shift)));
+            if (value == null) return this;
+            Key(key);
+            bytes.Add(0x93);
+            WriteNumber(value.Value.X);
+            WriteNumber(value.Value.Y);
+            WriteNumber(value.Value.Z);
+            return this;
         }
 
-        /// <summary>A token with its count: in the token itself, else in 8 (where there is such a form), 16 or 32 bits.</summary>
-        private static void Head(uint count, byte inToken, int maxInToken, byte token8, byte token16, Stream into)
+        /// <summary>Add content keys, 8 bytes each.</summary>
+        internal MsgpackWriter Keys(string key, IReadOnlyList<ulong> values)
         {
-            if (count <= maxInToken)
-                into.WriteByte((byte)(inToken | count));
-            else if (token8 != 0 && count <= 0xff)
-                Sized(token8, 1, count, into);
-            else if (count <= 0xffff)
-                Sized(token16, 2, count, into);
+            if (values == null) return this;
+            Key(key);
+            BigEndian(0xC6, (ulong)values.Count * 8, 4);
+            for (int at = 0; at < values.Count; at++)
+            {
+                for (int shift = 0; shift < 64; shift += 8) bytes.Add((byte)(values[at] >> shift));
+            }
+            return this;
+        }
+
+        /// <summary>Begin a map within the message; <see cref="Close"/> ends it.</summary>
+        internal MsgpackWriter Open(string key)
+        {
+            Key(key);
+            open.Push(new KeyValuePair<int, int>(bytes.Count, fields));
+            bytes.Add(0);
+            fields = 0;
+            return this;
+        }
+
+        internal MsgpackWriter Close()
+        {
+            KeyValuePair<int, int> outer = open.Pop();
+            bytes[outer.Key] = (byte)(0x80 | fields);
+            fields = outer.Value;
+            return this;
+        }
+
+        private void Key(string key)
+        {
+            // A message has at most 15 fields: their number fits into the first byte of the map.
+            fields++;
+            WriteText(key);
+        }
+
+        private void WriteText(string value)
+        {
+            byte[] text = Encoding.UTF8.GetBytes(value);
+            if (text.Length < 32)
+                bytes.Add((byte)(0xA0 | text.Length));
             else
-                // In msgpack the token for 32 bits always follows that for 16.
-                Sized((byte)(token16 + 1), 4, count, into);
+                BigEndian(0xDB, (ulong)text.Length, 4);
+            bytes.AddRange(text);
+        }
+
+        private void WriteNumber(double value) { BigEndian(0xCB, (ulong)BitConverter.DoubleToInt64Bits(value), 8); }
+
+        private void BigEndian(byte kind, ulong value, int size)
+        {
+            bytes.Add(kind);
+            for (int shift = 8 * (size - 1); shift >= 0; shift -= 8) bytes.Add((byte)(value >> shift));
         }
     }
 }

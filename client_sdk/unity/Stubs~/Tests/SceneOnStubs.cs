@@ -1,6 +1,8 @@
 using System;
 using System.Collections.Generic;
 using System.Diagnostics;
+using System.Globalization;
+using System.Linq;
 using System.Reflection;
 using System.Threading;
 using Terraport.Unity;
@@ -9,18 +11,16 @@ using UnityEngine;
 namespace Terraport.Stubs
 {
     /// <summary>
-    /// Runs TerraportScene on the stubs, against a live service: lands twice, looks at what would be drawn in the frame of each swap, and
-    /// at what is left after closing. A line of figures for each landing; exit code 1 where something is wrong.
+    /// Runs TerraportScene and the components around it on the stubs, against a live service, and checks what would be drawn in the frame of
+    /// each swap, and what is left after closing. Exit code 1 where something is wrong.
     ///
-    ///     mono SceneOnStubs.exe SCENE_URL RADIUS_M [TOKEN] [changing]
+    ///     mono SceneOnStubs.exe SCENE_URL RADIUS_M [changing]
     ///
-    /// With "changing" it then writes "change" and waits for a line; whoever started it has published another version by then. It connects
-    /// anew, and the new version must take the place of the old in one frame.
+    /// With "changing" it writes "change" and waits for a line: by then another version was published, which must take the place of the old.
     /// </summary>
-    public static partial class SceneOnStubs
+    public static class SceneOnStubs
     {
-        private const int FrameMs = 5;
-        private const int PatienceMs = 60000;
+        private const int FrameMs = 5, PatienceMs = 60000;
 
         private static readonly List<string> Faults = new List<string>();
         private static TerraportScene scene;
@@ -28,109 +28,102 @@ namespace Terraport.Stubs
         private static PlanFacts plan;
         private static SceneSwap lastSwap;
         private static Vec3 middle;
+        private static float radiusM;
         private static int swaps;
-        private static double updateMaxMs;
-        private static double lookMs;
-        private static double allLookMs;
 
-        /// <summary>See the class.</summary>
-        public static int Main(string[] arguments)
+        private static int Main(string[] arguments)
         {
-            float radiusM = float.Parse(arguments[1], System.Globalization.CultureInfo.InvariantCulture);
+            radiusM = float.Parse(arguments[1], CultureInfo.InvariantCulture);
             GameObject holder = new GameObject("scene");
             holder.SetActive(false);
             scene = holder.AddComponent<TerraportScene>();
             scene.SceneUrl = arguments[0];
-            scene.Token = arguments.Length > 2 && arguments[2].Length > 0 ? arguments[2] : null;
             scene.Planned += facts => plan = facts;
             scene.Failed += why => Faults.Add(why.Code + ": " + why.Message);
             scene.Shown += OnShown;
-            MethodInfo message = typeof(TerraportScene).GetMethod("Update", BindingFlags.Instance | BindingFlags.NonPublic);
-            update = (Action)Delegate.CreateDelegate(typeof(Action), scene, message);
+            update = () => Send(scene, "Update");
             int before = LiveCount();
+            Action[] parts = { LandAndReturn, ShowByHand, Teleport, GoTogether, SwitchRing, Rest };
             scene.Open();
             RunUntil(() => scene.Files != null && lastSwap != null, "the base");
-            if (Faults.Count == 0)
-            {
-                Vec3 low = scene.Files.Manifest.BoundsMin, high = scene.Files.Manifest.BoundsMax;
-                middle = new Vec3((low.X + high.X) / 2, (low.Y + high.Y) / 2, (low.Z + high.Z) / 2);
-                Land(middle, radiusM);
-                Land(new Vec3(middle.X + radiusM / 2, middle.Y, middle.Z + radiusM / 3), radiusM);
-                Land(middle, radiusM);
-                if (Faults.Count == 0)
-                {
-                    ShowByHand(new Vec3(middle.X, middle.Y, middle.Z - radiusM / 2), radiusM);
-                    Teleport(new Vec3(middle.X - radiusM / 2, middle.Y, middle.Z), radiusM);
-                    GoTogether(middle, radiusM);
-                    SwitchRing(middle, radiusM);
-                }
-                Rest();
-                if (Faults.Count == 0 && arguments.Length > 3 && arguments[3] == "changing")
-                {
-                    Change(radiusM);
-                }
-            }
+            foreach (Action part in parts.Where(part => Faults.Count == 0)) part();
+            if (Faults.Count == 0 && arguments.Length > 2) Change();
             scene.Close();
             Expect(before, LiveCount(), "objects left after closing");
-            if (Faults.Count == 0)
-            {
-                CloseWithin();
-                Expect(before, LiveCount(), "objects left after closing within an event");
-            }
-            if (Faults.Count == 0)
-            {
-                Preview();
-                Expect(before, LiveCount(), "objects left after a preview");
-            }
+            if (Faults.Count == 0) CloseWithin();
+            Expect(before, LiveCount(), "objects left after closing within an event");
+            if (Faults.Count == 0) Preview();
+            Expect(before, LiveCount(), "objects left after a preview");
             Faults.ForEach(fault => Console.WriteLine("wrong: " + fault));
             return Faults.Count == 0 ? 0 : 1;
         }
 
-        private static void Land(Vec3 place, float radiusM)
+        private static void LandAndReturn()
+        {
+            Vec3 low = scene.Files.Manifest.BoundsMin, high = scene.Files.Manifest.BoundsMax;
+            middle = 0.5 * (low + high);
+            Land(middle);
+            MeetVertices();
+            Land(middle + new Vec3(radiusM / 2, 0, radiusM / 3));
+            // A return is shown in the next frame, before the service has answered.
+            swaps = 0;
+            scene.Land(scene.ToWorld(middle), radiusM);
+            update();
+            Expect(1, swaps, "swaps in the frame of a return");
+            RunUntil(
+                () => plan.LoadSegments == 0 && scene.Status.Phase == LandingPhase.Shown && scene.Status.ReadyMs != null, "the answer");
+            Expect(1, swaps, "swaps of a return in all");
+        }
+
+        /// <summary>Rays meet what is drawn, where it is drawn: the same axes for both.</summary>
+        private static void MeetVertices()
+        {
+            foreach (MeshRenderer renderer in UnityEngine.Object.LiveOf<MeshRenderer>().Where(one => one.enabled))
+            {
+                Mesh mesh = renderer.gameObject.GetComponent<MeshFilter>().sharedMesh;
+                if (renderer.sharedMaterial.renderQueue > 0) continue; // The base: detail may be above it.
+                GroundVertex vertex = ((GroundVertex[])mesh.VertexData)[0];
+                bool isMet = scene.GroundAt(new Vector3(vertex.X, vertex.Y + 0.5f, vertex.Z), out GroundHit ground);
+                Expect(true, isMet && Math.Abs(ground.Point.y - vertex.Y) < 0.1, "ground at a vertex that is drawn");
+            }
+        }
+
+        private static void Land(Vec3 place)
         {
             plan = null;
             swaps = 0;
-            updateMaxMs = 0;
-            allLookMs = 0;
             Stopwatch watch = Stopwatch.StartNew();
             scene.Land(scene.ToWorld(place), radiusM);
-            RunUntil(() => scene.Status.Phase == LandingPhase.Shown, "a landing");
-            if (Faults.Count > 0)
-            {
-                return;
-            }
-            Console.WriteLine(
-                "landing {0}: {1} segments, {2} triangles drawn, {3} base faces hidden, {4} loaded, ready {5:0} ms, shown {6:0} ms, "
-                    + "longest frame {7:0.0} ms",
-                lastSwap.Landing, scene.Figures.Segments, scene.Figures.DrawnTriangles, lastSwap.BaseHidden.Count, plan.Load.Count,
-                scene.Status.ReadyMs, watch.Elapsed.TotalMilliseconds - allLookMs, updateMaxMs);
+            // A return is shown before it is answered.
+            RunUntil(() => scene.Status.Phase == LandingPhase.Shown && scene.Status.ReadyMs != null && plan != null, "a landing");
+            if (Faults.Count > 0) return;
+            Console.WriteLine("landing {0}: {1} segments, {2} triangles drawn, {3} base faces hidden, {4} loaded, shown after {5} ms",
+                lastSwap.Landing, lastSwap.Segments.Count, scene.Figures.DrawnTriangles, lastSwap.HiddenBaseFaces, plan.LoadSegments,
+                watch.ElapsedMilliseconds);
             Expect(1, swaps, "swaps of a landing");
         }
 
-        /// <summary>Without AutoShow nothing is shown before it is asked for; that it can be is told once.</summary>
-        private static void ShowByHand(Vec3 place, float radiusM)
+        /// <summary>Without AutoShow nothing is shown before it is asked for; that it can be is reported once.</summary>
+        private static void ShowByHand()
         {
             int presentable = 0;
             Action<int> count = number => presentable++;
             scene.Presentable += count;
             scene.AutoShow = false;
             swaps = 0;
-            scene.Land(scene.ToWorld(place), radiusM);
+            scene.Land(scene.ToWorld(middle - new Vec3(0, 0, radiusM / 2)), radiusM);
             RunUntil(() => presentable > 0, "a landing that can be shown");
-            for (int frame = 0; frame < 20; frame++)
-            {
-                update();
-            }
-            Expect(1, presentable, "times that a landing was told as presentable");
-            Expect(0, swaps, "swaps that nobody asked for");
-            Expect(1, scene.Show() ? 1 : 0, "landings shown when asked for");
+            for (int frame = 0; frame < 20; frame++) update();
+            Expect(1, presentable, "times that a landing was reported as presentable");
+            Expect(0, swaps, "swaps that were not asked for");
+            Expect(true, scene.Show(), "shown when asked for");
             Expect(1, swaps, "swaps that were asked for");
             scene.AutoShow = true;
             scene.Presentable -= count;
         }
 
-        /// <summary>By the user's component and the fade's: the swap and the move in one dark frame, and nothing of it is left.</summary>
-        private static void Teleport(Vec3 place, float radiusM)
+        /// <summary>By the user's component and the fade's: the swap and the move in one black frame; and bodies stand where feet do.</summary>
+        private static void Teleport()
         {
             GameObject holder = new GameObject("user"), rig = new GameObject("rig");
             TerraportUser user = holder.AddComponent<TerraportUser>();
@@ -142,103 +135,68 @@ namespace Terraport.Stubs
             Send(user, "OnEnable"); // Lands at the rig's place, as set by default.
             RunUntil(() => !user.IsComing, "the landing at the start");
             int shown = 0;
-            bool isDark = false;
-            user.Arrived += point => shown += isDark && swaps > 0 ? 1 : 100;
+            bool isBlack = false;
+            user.Arrived += point => shown += isBlack && swaps > 0 ? 1 : 100;
             swaps = 0;
-            plan = null;
-            Expect(1, teleport.TeleportTo(scene.ToWorld(place)) ? 1 : 0, "teleports begun");
-            Expect(0, scene.AutoShow ? 1 : 0, "scenes that show by themselves in a teleport");
+            Expect(true, teleport.TeleportTo(scene.ToWorld(middle - new Vec3(radiusM / 2, 0, 0))), "a teleport begun");
+            Expect(false, scene.AutoShow, "shown automatically during a teleport");
             RunUntil(
                 () =>
                 {
                     Send(teleport, "Update");
-                    isDark = CurtainIsClosed();
-                    if (!isDark)
-                    {
-                        Expect(0, teleport.IsTeleporting && user.IsComing ? swaps : 0, "swaps in the light");
-                    }
+                    isBlack = IsCurtainClosed();
+                    if (!isBlack && teleport.IsTeleporting && user.IsComing) Expect(0, swaps, "swaps in the light");
                     return !teleport.IsTeleporting;
                 },
                 "the end of a teleport");
-            Expect(1, shown, "arrivals in the dark");
+            Expect(1, shown, "arrivals in the black");
             Expect(1, swaps, "swaps of a teleport");
-            Expect(1, scene.AutoShow ? 1 : 0, "scenes that show by themselves again");
-            GroundHit ground;
+            Expect(true, scene.AutoShow, "shown automatically again");
             Vector3 feet = rig.transform.position;
-            bool isGround = scene.GroundAt(new Vector3(feet.x, feet.y + 1, feet.z), out ground);
-            Expect(0, isGround ? (long)Math.Round(1000 * Math.Abs(ground.Point.y - feet.y)) : 1000, "millimetres between feet and ground");
-            Vector3 met;
+            bool isGround = scene.GroundAt(new Vector3(feet.x, feet.y + 1, feet.z), out GroundHit ground);
+            Expect(true, isGround && Math.Abs(ground.Point.y - feet.y) < 0.001, "feet on the ground");
             Ray down = new Ray(new Vector3(feet.x, feet.y + 50, feet.z), new Vector3(0, -1, 0));
-            Expect(1, user.TryAim(down, out met) && Math.Abs(met.y - feet.y) < 0.001 ? 1 : 0, "aims that met the ground");
+            Expect(true, user.TryAim(down, out Vector3 met) && Math.Abs(met.y - feet.y) < 0.001, "an aim that meets the ground");
             Physics.StubWallLayers = 6;
             Physics.StubWallAtM = 10;
-            Expect(1, user.TryAim(down, out met) ? 1 : 0, "aims that nothing was asked to stop");
-            user.Obstacles = MaskOf(1);
-            Expect(1, user.TryAim(down, out met) ? 1 : 0, "aims past what is on another layer");
-            user.Obstacles = MaskOf(4);
-            Expect(0, user.TryAim(down, out met) ? 1 : 0, "aims through an obstacle");
+            user.Obstacles = new LayerMask { value = 1 };
+            Expect(true, user.TryAim(down, out met), "an aim past what is on another layer");
+            user.Obstacles = new LayerMask { value = 4 };
+            Expect(false, user.TryAim(down, out met), "an aim through an obstacle");
             Physics.StubWallAtM = 60;
-            Expect(1, user.TryAim(down, out met) ? 1 : 0, "aims at ground before an obstacle");
+            Expect(true, user.TryAim(down, out met), "an aim at ground before an obstacle");
             Physics.StubWallLayers = 0;
-            Expect(0, user.LandAtPlace("no such place") || teleport.TeleportToPlace("no such place") ? 1 : 0, "places that nobody named");
-            WalkOnDetail(rig.transform);
+            Expect(false, user.LandAtPlace("no such place") || teleport.TeleportToPlace("no such place"), "a place that is not there");
+            WalkOnSolidGround(rig.transform);
             Send(teleport, "OnDisable");
             Send(user, "OnDisable");
             UnityEngine.Object.DestroyImmediate(holder);
             UnityEngine.Object.DestroyImmediate(rig);
         }
 
-        /// <summary>By the group's component: a seat, a landing of the group that is followed, and its barrier opens.</summary>
-        private static void GoTogether(Vec3 place, float radiusM)
+        private static void WalkOnSolidGround(Transform feet)
         {
-            TerraportGroup group = scene.gameObject.AddComponent<TerraportGroup>();
-            int called = 0, refused = 0;
-            GroupGathering gathered = null;
-            group.Called += (point, metres) => called += Math.Abs(scene.ToWorld(place).x - point.x) < 0.001f ? 1 : 100;
-            group.Gathered += gathering => gathered = gathering;
-            group.Refused += (code, why) => refused++;
-            Expect(0, group.Join("tour", GroupRole.Guide, "Ada") ? 1 : 0, "seats before the component is switched on");
-            Send(group, "OnEnable");
-            Expect(1, group.Join("tour", GroupRole.Guide, "Ada") ? 1 : 0, "seats asked for");
-            RunUntil(() => group.Members.Count == 1, "a list of who is there");
-            Expect(1, group.Members[0].Name == "Ada" && group.Members[0].Role == GroupRole.Guide ? 1 : 0, "guides by the name of Ada");
-            swaps = 0;
-            Expect(1, group.Gather(scene.ToWorld(place), radiusM) ? 1 : 0, "gathers");
+            TerraportGroundCollider solid = scene.gameObject.AddComponent<TerraportGroundCollider>();
+            Send(solid, "OnEnable");
             RunUntil(
                 () =>
                 {
-                    Send(group, "LateUpdate");
-                    return gathered != null;
+                    Send(solid, "Update");
+                    return solid.IsComplete;
                 },
-                "everybody to be there");
-            Expect(1, called, "landings of the group that were told");
-            Expect(1, swaps, "swaps of a landing with the group");
-            Expect(1, gathered != null && gathered.Ready.Count == 1 && gathered.Ready[0] == group.Group.Member ? 1 : 0, "members there");
-            // Who does not follow stays, and holds nobody up.
-            group.Follows = false;
-            gathered = null;
-            swaps = 0;
-            Expect(1, group.GatherHere() ? 1 : 0, "gathers here");
-            RunUntil(() => gathered != null, "nobody to be waited for");
-            Expect(1, gathered != null && gathered.Missing.Count == 1 ? 1 : 0, "members that stay");
-            Expect(0, swaps, "swaps of who does not follow");
-            Expect(0, refused, "refusals");
-            group.Leave();
-            Expect(0, group.Members.Count, "members of a group that was left");
-            Send(group, "OnDisable");
-            UnityEngine.Object.DestroyImmediate(group);
-        }
-
-        /// <summary>Bodies stand where feet do: the ground is solid around them, wherever they have walked.</summary>
-        private static void WalkOnDetail(Transform feet)
-        {
+                "a solid base");
+            int faces = scene.gameObject.GetComponents<MeshCollider>()
+                            .Where(one => one != null && one.sharedMesh != null)
+                            .Sum(one => one.sharedMesh.IndexData.Length / 3);
+            Expect(scene.Files.Base.FaceCount, faces, "solid faces of the base");
+            Send(solid, "OnDisable");
+            UnityEngine.Object.DestroyImmediate(solid);
             TerraportFeetCollider collider = scene.gameObject.AddComponent<TerraportFeetCollider>();
             collider.Feet = feet;
             Send(collider, "OnEnable");
             for (int step = 0; step < 10; step++)
             {
-                Vector3 at = feet.position;
-                feet.position = new Vector3(at.x + 1.3f, at.y, at.z + 0.4f);
+                Vector3 at = feet.position = feet.position + new Vector3(1.3f, 0, 0.4f);
                 RunUntil(
                     () =>
                     {
@@ -246,90 +204,146 @@ namespace Terraport.Stubs
                         return collider.IsCurrent;
                     },
                     "solid ground");
-                GroundHit ground;
-                at = feet.position;
-                if (!scene.GroundAt(new Vector3(at.x, at.y + 1, at.z), out ground))
-                {
-                    continue; // Beyond the scene.
-                }
+                if (!scene.GroundAt(new Vector3(at.x, at.y + 1, at.z), out GroundHit ground)) continue; // Beyond the scene.
                 feet.position = ground.Point;
-                float solid = SolidHeight(scene.gameObject.GetComponents<MeshCollider>()[0].sharedMesh, ground.Point);
-                Expect(0, (long)Math.Round(1000 * Math.Abs(solid - ground.Point.y)), "millimetres between solid and shown ground");
+                Mesh mesh = scene.gameObject.GetComponents<MeshCollider>().Last(one => one.sharedMesh != null).sharedMesh;
+                float height = SolidHeight((Vector3[])mesh.VertexData, ground.Point);
+                Expect(true, Math.Abs(height - ground.Point.y) < 0.001, "solid ground where ground is shown");
             }
             Send(collider, "OnDisable");
             UnityEngine.Object.DestroyImmediate(collider);
         }
 
-        private static LayerMask MaskOf(int bits) { return new LayerMask { value = bits }; }
-
-        private static float SolidHeight(Mesh mesh, Vector3 at)
+        private static float SolidHeight(Vector3[] corners, Vector3 at)
         {
-            Vector3[] corners = (Vector3[])mesh.VertexData;
             float highest = float.MinValue;
             for (int face = 0; face < corners.Length; face += 3)
             {
                 Vector3 a = corners[face], b = corners[face + 1], c = corners[face + 2];
                 double ux = b.x - a.x, uz = b.z - a.z, vx = c.x - a.x, vz = c.z - a.z, x = at.x - a.x, z = at.z - a.z;
                 double area = ux * vz - uz * vx, beta = (x * vz - z * vx) / area, gamma = (ux * z - uz * x) / area;
-                if (beta >= -1e-6 && gamma >= -1e-6 && beta + gamma <= 1 + 1e-6)
-                {
-                    highest = Math.Max(highest, (float)(a.y + beta * (b.y - a.y) + gamma * (c.y - a.y)));
-                }
+                if (beta < -1e-6 || gamma < -1e-6 || beta + gamma > 1 + 1e-6) continue;
+                highest = Math.Max(highest, (float)(a.y + beta * (b.y - a.y) + gamma * (c.y - a.y)));
             }
             return highest;
         }
 
-        private static void Send(object component, string message)
+        /// <summary>By the group's component: a seat, a landing of the group that is followed, and its barrier opens.</summary>
+        private static void GoTogether()
         {
-            component.GetType().GetMethod(message, BindingFlags.Instance | BindingFlags.NonPublic).Invoke(component, null);
-        }
-
-        private static bool CurtainIsClosed()
-        {
-            foreach (MeshRenderer renderer in UnityEngine.Object.LiveOf<MeshRenderer>())
-            {
-                if (renderer.enabled && IsCurtain(renderer))
+            TerraportGroup group = scene.gameObject.AddComponent<TerraportGroup>();
+            int called = 0, refused = 0;
+            GroupGathering gathered = null;
+            group.Called += (point, metres) => called += Math.Abs(scene.ToWorld(middle).x - point.x) < 0.001f ? 1 : 100;
+            group.Gathered += gathering => gathered = gathering;
+            group.Refused += (code, why) => refused++;
+            Expect(false, group.Join("tour", GroupRole.Guide, "Ada"), "a seat before the component is enabled");
+            Send(group, "OnEnable");
+            Expect(true, group.Join("tour", GroupRole.Guide, "Ada"), "a seat asked for");
+            RunUntil(() => group.Members.Count == 1, "a list of members");
+            Expect(true, group.Members[0].Name == "Ada" && group.Members[0].Role == GroupRole.Guide, "a guide by the name of Ada");
+            swaps = 0;
+            Expect(true, group.Gather(scene.ToWorld(middle), radiusM), "a gather");
+            RunUntil(
+                () =>
                 {
-                    return renderer.sharedMaterial.GetFloat(Shader.PropertyToID("_TerraportFade")) >= 1;
-                }
-            }
-            return false;
+                    Send(group, "LateUpdate");
+                    return gathered != null;
+                },
+                "everybody to be there");
+            Expect(1, called, "landings of the group");
+            Expect(1, swaps, "swaps of a landing with the group");
+            Expect(true, gathered != null && gathered.Ready.SequenceEqual(new[] { group.Group.Member }), "the member there");
+            // A member that does not follow stays, and holds nobody up.
+            group.Follows = false;
+            gathered = null;
+            swaps = 0;
+            Expect(true, group.GatherHere(), "a gather here");
+            RunUntil(() => gathered != null, "nobody to be waited for");
+            Expect(1, gathered == null ? 0 : gathered.Missing.Count, "members that stay");
+            Expect(0, swaps + refused, "swaps without following, and refusals");
+            group.Leave();
+            Expect(0, group.Members.Count, "members of a group that was left");
+            Send(group, "OnDisable");
+            UnityEngine.Object.DestroyImmediate(group);
         }
 
-        private static bool IsCurtain(MeshRenderer renderer) { return renderer.gameObject.name == "terraport fade"; }
+        /// <summary>The coarser level in a ring around full detail: there automatically, and gone with a switch.</summary>
+        private static void SwitchRing()
+        {
+            bool hasRing = scene.Files.Manifest.Levels > 1;
+            Land(middle + new Vec3(radiusM, 0, 0));
+            Land(middle);
+            if (Faults.Count > 0) return;
+            Expect(hasRing, plan.CoarserSegments > 0, "a ring");
+            int hidden = lastSwap.HiddenBaseFaces, segments = scene.Files.Manifest.SegmentCount;
+            Vector3 inRing = scene.ToWorld(middle + new Vec3(2 * radiusM, 100, 0));
+            bool isMet = scene.GroundAt(inRing, out GroundHit ground);
+            if (hasRing) Expect(true, isMet && ground.Segment < segments, "ground of the ring that names its segment");
+            scene.ShowsCoarse = false;
+            Land(middle);
+            Expect(0, plan.CoarserSegments, "segments of a ring that is switched off");
+            Expect(hasRing, lastSwap.HiddenBaseFaces < hidden, "the base shown again where the ring was");
+            scene.ShowsCoarse = true;
+        }
 
-        /// <summary>A listener may close the scene from within any event, in the middle of the stage's own work.</summary>
+        /// <summary>A frame in which nothing happens must make no garbage.</summary>
+        private static void Rest()
+        {
+            for (int frame = 0; frame < 200; frame++)
+            {
+                update();
+                Thread.Sleep(1);
+            }
+            // Without the arrays of an invocation by name.
+            var frameOfScene = (Action)Delegate.CreateDelegate(
+                typeof(Action), scene, typeof(TerraportScene).GetMethod("Update", BindingFlags.Instance | BindingFlags.NonPublic));
+            long before = GC.GetAllocatedBytesForCurrentThread();
+            for (int frame = 0; frame < 200; frame++) frameOfScene();
+            Expect(0L, GC.GetAllocatedBytesForCurrentThread() - before, "bytes of garbage at rest");
+        }
+
+        private static void Change()
+        {
+            string before = scene.Files.Manifest.Version;
+            Console.WriteLine("change");
+            Console.Out.Flush();
+            Console.ReadLine();
+            lastSwap = null;
+            bool isNew = false;
+            scene.Shown += swap => isNew |= swap.IsNewBase;
+            scene.Reconnect("another");
+            RunUntil(
+                () => isNew && lastSwap.Landing > 0 && scene.Status.Phase == LandingPhase.Shown, "the new version, and the landing in it");
+            Expect(false, before == scene.Files.Manifest.Version, "the same version");
+        }
+
+        /// <summary>A listener may close the scene from within any event.</summary>
         private static void CloseWithin()
         {
             lastSwap = null;
-            scene.Shown += CloseOnShown;
+            Action<SceneSwap> close = swap => scene.Close();
+            scene.Shown += close;
             scene.Open();
             RunUntil(() => !scene.IsOpen, "the base, once more");
-            scene.Shown -= CloseOnShown;
-            update();
+            scene.Shown -= close;
         }
 
-        private static void CloseOnShown(SceneSwap swap) { scene.Close(); }
-
-        /// <summary>In the editor: the base and a landing below the camera, anew when it has moved, and gone when it is switched off.</summary>
+        /// <summary>In the editor: the base and a landing below the camera, again when it has moved, and gone when it is switched off.</summary>
         private static void Preview()
         {
             Application.StubIsPlaying = false;
             scene.gameObject.SetActive(true);
-            scene.AutoShow = true;
             Send(scene, "OnEnable");
             Expect(1, TerraportScene.NotPlayed.Count, "scenes for the editor to step");
-            Vector3 camera = scene.ToWorld(new Vec3(middle.X, middle.Y + 500, middle.Z));
-            Expect(0, scene.StepPreview(camera) || scene.IsOpen ? 1 : 0, "previews that nobody switched on");
+            Vector3 camera = scene.ToWorld(middle + new Vec3(0, 500, 0));
+            Expect(false, scene.StepPreview(camera) || scene.IsOpen, "a preview that was not switched on");
             scene.PreviewsInEditor = true;
             lastSwap = null;
             update = () => scene.StepPreview(camera);
             RunUntil(() => lastSwap != null && lastSwap.Landing > 0, "the preview's landing");
-            Expect(1, scene.Figures.Segments > 0 ? 1 : 0, "previews that show detail below the camera");
-            foreach (MeshRenderer renderer in UnityEngine.Object.LiveOf<MeshRenderer>())
-            {
-                Expect((long)HideFlags.HideAndDontSave, (long)renderer.gameObject.hideFlags, "flags of a previewed object");
-            }
+            Expect(true, UnityEngine.Object.LiveOf<MeshRenderer>().All(one => one.gameObject.hideFlags == HideFlags.HideAndDontSave),
+                "hidden objects");
             int landing = scene.Status.Landing;
             camera = new Vector3(camera.x + 1, camera.y, camera.z);
             update();
@@ -337,59 +351,16 @@ namespace Terraport.Stubs
             camera = new Vector3(camera.x + 0.3f * scene.DefaultRadiusM, camera.y, camera.z);
             update();
             Expect(landing + 1, scene.Status.Landing, "landings farther away");
-            // What the engine sends when anything changes must not step it a second time.
-            Send(scene, "Update");
             scene.PreviewsInEditor = false;
             update();
-            Expect(0, scene.IsOpen ? 1 : 0, "previews after they were switched off");
+            Expect(false, scene.IsOpen, "a preview after it was switched off");
             scene.PreviewsInEditor = true;
             lastSwap = null;
             RunUntil(() => lastSwap != null, "the preview once more");
-            // As before scripts are compiled anew.
-            Send(scene, "OnDisable");
+            Send(scene, "OnDisable"); // As before scripts are compiled.
             Expect(0, TerraportScene.NotPlayed.Count, "scenes for the editor to step, after that");
             scene.gameObject.SetActive(false);
             Application.StubIsPlaying = true;
-        }
-
-        /// <summary>A frame in which nothing comes must make no garbage at all.</summary>
-        private static void Rest()
-        {
-            const int frames = 200;
-            for (int frame = 0; frame < frames; frame++)
-            {
-                update();
-                Thread.Sleep(1);
-            }
-            long before = GC.GetAllocatedBytesForCurrentThread();
-            for (int frame = 0; frame < frames; frame++)
-            {
-                update();
-            }
-            long bytes = GC.GetAllocatedBytesForCurrentThread() - before;
-            Console.WriteLine("{0} frames at rest: {1} bytes of garbage", frames, bytes);
-            Expect(0, bytes, "bytes of garbage at rest");
-        }
-
-        private static void Change(float radiusM)
-        {
-            string before = scene.Files.Manifest.Version;
-            Console.WriteLine("change");
-            Console.Out.Flush();
-            Console.ReadLine();
-            int segments = 0;
-            scene.Shown += swap => segments = swap.IsNewBase ? swap.Hidden.Count : segments;
-            lastSwap = null;
-            scene.Reconnect(scene.Token ?? "another");
-            RunUntil(() => lastSwap != null && lastSwap.IsNewBase, "the new base");
-            if (Faults.Count == 0)
-            {
-                Console.WriteLine(
-                    "version {0} took the place of {1}; {2} segments of it went", scene.Files.Manifest.Version, before, segments);
-                Expect(0, string.CompareOrdinal(before, scene.Files.Manifest.Version) == 0 ? 1 : 0, "versions that are the same");
-                Vec3 low = scene.Files.Manifest.BoundsMin, high = scene.Files.Manifest.BoundsMax;
-                Land(new Vec3((low.X + high.X) / 2, (low.Y + high.Y) / 2, (low.Z + high.Z) / 2), radiusM);
-            }
         }
 
         private static void RunUntil(Func<bool> isDone, string what)
@@ -397,15 +368,8 @@ namespace Terraport.Stubs
             Stopwatch watch = Stopwatch.StartNew();
             while (!isDone() && Faults.Count == 0)
             {
-                Stopwatch frame = Stopwatch.StartNew();
                 update();
-                updateMaxMs = Math.Max(updateMaxMs, frame.Elapsed.TotalMilliseconds - lookMs);
-                allLookMs += lookMs;
-                lookMs = 0;
-                if (watch.ElapsedMilliseconds > PatienceMs)
-                {
-                    Faults.Add("no sign of " + what + " within " + PatienceMs + " ms");
-                }
+                if (watch.ElapsedMilliseconds > PatienceMs) Faults.Add("no sign of " + what + " within " + PatienceMs + " ms");
                 Thread.Sleep(FrameMs);
             }
         }
@@ -413,88 +377,77 @@ namespace Terraport.Stubs
         /// <summary>What is drawn must be right in this very frame: in it the user sees the new set for the first time.</summary>
         private static void OnShown(SceneSwap swap)
         {
-            Stopwatch watch = Stopwatch.StartNew();
             lastSwap = swap;
             swaps++;
-            Look(swap);
-            lookMs += watch.Elapsed.TotalMilliseconds;
-        }
-
-        private static void Look(SceneSwap swap)
-        {
-            List<Mesh> detail = new List<Mesh>();
-            long baseFaces = 0;
-            foreach (MeshRenderer renderer in UnityEngine.Object.LiveOf<MeshRenderer>())
+            long baseFaces = 0, detailFaces = 0;
+            int detail = 0;
+            foreach (MeshRenderer renderer in UnityEngine.Object.LiveOf<MeshRenderer>().Where(one => one.enabled && !IsCurtain(one)))
             {
-                if (!renderer.enabled || IsCurtain(renderer))
-                {
-                    continue;
-                }
                 Mesh mesh = renderer.gameObject.GetComponent<MeshFilter>().sharedMesh;
+                int faces = mesh.SubMesh.indexCount / 3;
                 // The base is drawn after the detail: by another material.
-                if (renderer.sharedMaterial.renderQueue > 0)
-                {
-                    baseFaces += mesh.SubMesh.indexCount / 3;
-                }
-                else
-                {
-                    detail.Add(mesh);
-                }
-            }
-            Expect(scene.Files.Base.FaceCount - swap.BaseHidden.Count, baseFaces, "base faces drawn");
-            if (swap.Landing > 0)
-            {
-                CheckDetail(detail);
-            }
-            else
-            {
-                Expect(0, detail.Count, "segments drawn beside a new base");
-            }
-        }
-
-        private static void CheckDetail(List<Mesh> detail)
-        {
-            Expect(plan.Load.Count + plan.Keep.Count, detail.Count, "segments drawn");
-            Dictionary<string, SegmentFacts> facts = new Dictionary<string, SegmentFacts>();
-            // What is coarser lies within its segment's box, and need not fill it.
-            foreach (SegmentFacts segment in plan.Load)
-            {
-                if (segment.Segment < scene.Files.Manifest.SegmentCount)
-                    facts[KeyOf(MeshFiller.ToBounds(Axes.Turn(segment.Bounds)))] = segment;
-            }
-            int found = 0;
-            foreach (Mesh mesh in detail)
-            {
-                SegmentFacts segment;
-                if (facts.TryGetValue(KeyOf(mesh.bounds), out segment))
-                {
-                    found++;
-                    Expect(segment.Faces, mesh.SubMesh.indexCount / 3, "faces of a segment");
-                    Expect(segment.Vertices, mesh.VertexData.Length, "vertices of a segment");
-                }
+                bool isBase = renderer.sharedMaterial.renderQueue > 0;
+                baseFaces += isBase ? faces : 0;
+                detailFaces += isBase ? 0 : faces;
+                detail += isBase ? 0 : 1;
                 CheckMesh(mesh);
             }
-            Expect(facts.Count, found, "segments whose box is that of the plan, turned");
+            Expect(scene.Files.Base.FaceCount - swap.HiddenBaseFaces, baseFaces, "base faces drawn");
+            Expect(swap.Segments.Count, detail, "segments drawn");
+            bool isOfPlan = plan != null && plan.Landing == swap.Landing && !swap.IsDegraded && scene.Status.Missing.Count == 0;
+            if (isOfPlan) Expect(plan.TotalTriangles, detailFaces, "faces of segments drawn");
         }
 
-        private static string KeyOf(Bounds box)
+        /// <summary>Vertices within the box, and faces that point where their normals do, by Unity's rule.</summary>
+        private static void CheckMesh(Mesh mesh)
         {
-            return string.Format(System.Globalization.CultureInfo.InvariantCulture, "{0:R} {1:R} {2:R} {3:R} {4:R} {5:R}", box.center.x,
-                box.center.y, box.center.z, box.size.x, box.size.y, box.size.z);
+            var vertices = (GroundVertex[])mesh.VertexData;
+            Expect(GroundVertex.Bytes, System.Runtime.InteropServices.Marshal.SizeOf(typeof(GroundVertex)), "bytes of a vertex");
+            int along = 0, against = 0;
+            for (int at = 0; at < mesh.SubMesh.indexCount; at += 3)
+            {
+                GroundVertex a = VertexOf(mesh, vertices, at), b = VertexOf(mesh, vertices, at + 1), c = VertexOf(mesh, vertices, at + 2);
+                var u = new Vec3(b.X - a.X, b.Y - a.Y, b.Z - a.Z);
+                var v = new Vec3(c.X - a.X, c.Y - a.Y, c.Z - a.Z);
+                double front = Vec3.Dot(Vec3.Cross(u, v), new Vec3(a.NormalX, a.NormalY, a.NormalZ));
+                along += front > 0 ? 1 : 0;
+                against += front < 0 ? 1 : 0;
+                Vector3 away = new Vector3(a.X, a.Y, a.Z) - mesh.bounds.center, half = mesh.bounds.size * 0.501f;
+                bool isInside = Math.Abs(away.x) <= half.x && Math.Abs(away.y) <= half.y && Math.Abs(away.z) <= half.z;
+                if (!isInside) Faults.Add("a vertex outside of its mesh's box");
+            }
+            if (along < 9 * against)
+                Faults.Add("of a mesh's faces " + along + " point along their normals and " + against + " against them");
         }
 
+        private static GroundVertex VertexOf(Mesh mesh, GroundVertex[] vertices, int at)
+        {
+            ushort[] indices = mesh.IndexData as ushort[];
+            return vertices[indices != null ? indices[at] : ((uint[])mesh.IndexData)[at]];
+        }
+
+        private static bool IsCurtain(MeshRenderer renderer) { return renderer.gameObject.name == "terraport fade"; }
+
+        private static bool IsCurtainClosed()
+        {
+            return UnityEngine.Object.LiveOf<MeshRenderer>().Any(
+                one => one.enabled && IsCurtain(one) && one.sharedMaterial.GetFloat(Shader.PropertyToID("_TerraportFade")) >= 1);
+        }
+
+        private static void Send(object component, string message)
+        {
+            component.GetType().GetMethod(message, BindingFlags.Instance | BindingFlags.NonPublic).Invoke(component, null);
+        }
+
+        // Shaders are assets: loaded, not made.
         private static int LiveCount()
         {
-            // Shaders are assets: loaded, not made.
             return UnityEngine.Object.LiveOf<UnityEngine.Object>().Count - UnityEngine.Object.LiveOf<Shader>().Count;
         }
 
-        private static void Expect(long expected, long actual, string what)
+        private static void Expect<T>(T expected, T actual, string what)
         {
-            if (expected != actual)
-            {
-                Faults.Add(what + ": " + actual + ", expected " + expected);
-            }
+            if (!expected.Equals(actual)) Faults.Add(what + ": got " + actual + ", expected " + expected);
         }
     }
 }

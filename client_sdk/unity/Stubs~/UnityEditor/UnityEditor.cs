@@ -79,30 +79,6 @@ namespace UnityEditor
         public static void RegisterCreatedObjectUndo(UnityEngine.Object objectToUndo, string name) {}
     }
 
-    public enum BuildTarget
-    {
-        Android = 13,
-    }
-
-    public class EditorUserBuildSettings
-    {
-        public static BuildTarget activeBuildTarget => 0;
-    }
-
-    [Flags]
-    public enum AndroidArchitecture : uint
-    {
-        ARMv7 = 1,
-    }
-
-    public sealed class PlayerSettings
-    {
-        public sealed class Android
-        {
-            public static AndroidArchitecture targetArchitectures { get; set; }
-        }
-    }
-
     public sealed class Selection
     {
         public static GameObject activeGameObject { get; set; }

@@ -6,13 +6,7 @@ namespace UnityEngine
     {
         public event Action<AsyncOperation> completed;
 
-        internal void Complete()
-        {
-            if (completed != null)
-            {
-                completed(this);
-            }
-        }
+        internal void Complete() { completed?.Invoke(this); }
     }
 }
 
@@ -20,13 +14,7 @@ namespace UnityEngine.Networking
 {
     public class DownloadHandler
     {
-    }
-
-    public class DownloadHandlerScript : DownloadHandler
-    {
-        public DownloadHandlerScript(byte[] preallocatedBuffer) {}
-
-        protected virtual bool ReceiveData(byte[] data, int dataLength) { return true; }
+        public byte[] data => null;
     }
 
     public class UnityWebRequestAsyncOperation : AsyncOperation
@@ -35,9 +23,7 @@ namespace UnityEngine.Networking
 
     public class UnityWebRequest : IDisposable
     {
-        public const string kHttpVerbGET = "GET";
-
-        public UnityWebRequest(string url, string method) {}
+        public static UnityWebRequest Get(string uri) { return new UnityWebRequest(); }
 
         public DownloadHandler downloadHandler { get; set; }
 
