@@ -185,13 +185,14 @@ def same_mesh(got: dict[str, Any], expected: dict[str, Any], attribute: str) -> 
     assert np.allclose(floats("normals", 3), expected["normals"], atol=1e-6)
     assert got["colours"] == (expected["colours"] or [])
     assert floats("uvs", 2).tolist() == expected.get("uvs", [])
-    regions = got["regions"] or [got["region"]] * len(expected["positions"])
+    facts = floats("facts", 2)
+    regions = facts[:, 0].tolist() or [got["region"]] * len(expected["positions"])
     assert regions == (expected["region_ids"] or [-1] * len(regions))
     image = expected.get("texture")
     assert got["image"] == ([] if image is None else [image["width"], image["height"]])
     if attribute:
-        values = [np.nan if one is None else one for one in expected["attributes"][attribute]]
-        assert np.allclose(floats("values", 1)[:, 0], values, equal_nan=True)
+        values = [-1e30 if one is None else one for one in expected["attributes"][attribute]]
+        assert np.allclose(facts[:, 1], values)
 
 
 def test_a_landing_a_hop_and_a_return(godot: Engine, grids: Service) -> None:
@@ -204,7 +205,7 @@ def test_a_landing_a_hop_and_a_return(godot: Engine, grids: Service) -> None:
             session.land(place[:3], place[3]).ready()
             assert landed["visible"] == sorted(session.visible)
             assert landed["hidden"] == hidden_faces(session)
-            assert landed["meshes"] == len(landed["visible"]) + 1
+            assert landed["meshes"] == len(landed["visible"]) + 1, "and the base"
             received, before = landed["stats"]["received_bytes"], received
     assert (landed["frames"], received) == (0, before), "a return costs no frame and no byte"
     assert landed["stats"]["repeated_bytes"] == 0
@@ -237,7 +238,7 @@ def test_a_newer_landing_supersedes_the_older(godot: Engine, grids: Service) -> 
     assert landed["stats"]["repeated_bytes"] == 0
 
 
-def test_a_cut_line_is_mended(godot: Engine, grids: Service) -> None:
+def test_a_landing_survives_lost_connections(godot: Engine, grids: Service) -> None:
     """Cut twice in the middle of a landing: it is shown whole, and nothing comes twice."""
     with ThreadedProxy(grids.url) as line:
         line.proxy.bytes_per_s = 4e6
@@ -254,17 +255,35 @@ def test_a_cut_line_is_mended(godot: Engine, grids: Service) -> None:
     assert godot.events("link") == [1, 2] + [3, 1, 2] * 2, "waiting, connecting, open"
 
 
-def test_a_service_that_is_killed_and_comes_back(godot: Engine, grid_folder: Path) -> None:
-    with Service(grid_folder) as service:
+def test_a_service_that_is_killed_comes_back_with_another_version(
+    godot: Engine, tmp_path: Path
+) -> None:
+    """What was shown goes, base and landing are the new version's, and what both have is kept."""
+    write_grid_scene(tmp_path / "grid", seed=1)
+    with Service(tmp_path) as service:
         godot.open(service.url, "grid")
         before = godot.land(*NEAR)
         service.kill()
-        godot.call("begin_landing", *THERE)
-        time.sleep(1.0)
+        write_grid_scene(tmp_path / "grid", seed=2)
+        godot.call("begin_landing", *HERE)
         service.start()
         landed = godot.call("until_shown", before["landing"] + 1)
-    assert landed["visible"] not in ([], before["visible"])
+        with terraport.sync.connect(f"{service.url}/scenes/grid") as session:
+            session.land(HERE[:3], HERE[3]).ready()
+            assert landed["visible"] == sorted(session.visible)
+            assert landed["hidden"] == hidden_faces(session)
     assert landed["stats"]["repeated_bytes"] == 0
+
+
+def test_past_the_deadline_the_inner_part_is_shown_first(godot: Engine, grids: Service) -> None:
+    with ThreadedProxy(grids.url) as line:
+        line.proxy.bytes_per_s = 4e6
+        godot.open(line.url, "big")
+        first = godot.call("begin_landing", 30, 1, 30, 100, 5, 0.1)
+        inner = godot.call("until_shown", first)
+        whole = godot.call("until_shown", first, 2)
+    assert 0 < len(inner["visible"]) < len(whole["visible"]) == 36
+    assert inner["hidden"] != whole["hidden"]
 
 
 def test_what_a_landing_left_is_freed(godot: Engine, grids: Service) -> None:
@@ -276,7 +295,7 @@ def test_what_a_landing_left_is_freed(godot: Engine, grids: Service) -> None:
         assert landed["stats"]["repeated_bytes"] == 0
 
 
-def test_a_token_opens_and_a_wrong_one_is_told_once(godot: Engine, grid_folder: Path) -> None:
+def test_a_token_opens_and_a_wrong_one_fails_once(godot: Engine, grid_folder: Path) -> None:
     token = "a-token-that-is-long-enough"
     with Service(grid_folder, token=token) as guarded:
         assert godot.open(guarded.url, "grid", token=token) == "opened"

@@ -40,12 +40,12 @@ func write(messages: Array) -> Array:
 func decode(payload: String, attributes: Array, wanted: String) -> Dictionary:
 	var got := TerraportSegment.decode(Marshalls.base64_to_raw(payload), attributes, wanted)
 	return {
-		"error": got.error, "faces": got.faces, "region": got.region, "regions": got.regions,
+		"error": got.error, "faces": got.faces, "region": got.region,
 		"positions": got.positions.to_byte_array().hex_encode(),
 		"normals": got.normals.to_byte_array().hex_encode(),
 		"uvs": got.uvs.to_byte_array().hex_encode(),
 		"colours": Array(got.colours).map(func(one: Color) -> Array: return [one.r8, one.g8, one.b8]),
-		"values": got.values.to_byte_array().hex_encode(),
+		"facts": got.facts.to_byte_array().hex_encode(),
 		"image": [] if got.image == null else [got.image.get_width(), got.image.get_height()],
 	}
 

@@ -48,15 +48,21 @@ func open(properties: Dictionary) -> String:
 func land(x: float, y: float, z: float, radius_m: float) -> Dictionary:
 	var frame := Engine.get_process_frames()
 	var landing := terrain.land(Vector3(x, y, z), radius_m)
-	return (await until_shown(landing)).merged({"frames": Engine.get_process_frames() - frame})
+	var told := await until_shown(landing)
+	told["frames"] = Engine.get_process_frames() - frame
+	return told
 
 
-func begin_landing(x: float, y: float, z: float, radius_m: float) -> int:
-	return terrain.land(Vector3(x, y, z), radius_m)
+func begin_landing(
+		x: float, y: float, z: float, radius_m: float, inner_m := 0.0, deadline_s := 0.0
+) -> int:
+	return terrain.land(Vector3(x, y, z), radius_m, inner_m, deadline_s)
 
 
-func until_shown(landing: int) -> Dictionary:
-	while not events.any(func(one: Array) -> bool: return one[0] == "shown" and one[1] == landing):
+## Wait until a landing is shown, the inner part or the whole for the first time or the second.
+func until_shown(landing: int, times := 1) -> Dictionary:
+	while events.filter(func(one: Array) -> bool:
+			return one[0] == "shown" and one[1] == landing).size() < times:
 		await get_tree().process_frame
 	return state().merged({"landing": landing})
 
@@ -77,6 +83,10 @@ func pick(x: float, y: float, z: float) -> Dictionary:
 	var hit: Dictionary = answer[1]
 	hit["position"] = [hit.position.x, hit.position.y, hit.position.z]
 	return hit
+
+
+func set_look(look: int) -> void:
+	terrain.look = look
 
 
 func state() -> Dictionary:

@@ -4,6 +4,9 @@ extends RefCounted
 ##
 ## [method decode] touches nothing but its own object: it may run on any thread.
 
+## Value in [member facts] where there is none: shaders have no reliable NAN.
+const NO_VALUE := -1e30
+
 const _MAX_STREAM_BYTES := 1 << 28
 const _MAX_STEPS := 1 << 24
 const _HEAD_BYTES := 40
@@ -12,35 +15,31 @@ const _UVS := 2
 const _REGIONS := 4
 const _WIDE := 8
 const _NO_REGION := 65535
-const _NO_VALUE := 65535
+const _NO_CODE := 65535
 const _KTX2 := 4
 const _TILE := 65535
 
-## Why the bytes are not a segment; empty where they are one.
+## Why the bytes are not a valid segment; empty if they are.
 var error := ""
 var positions := PackedVector3Array()
-## Three corners a face; clockwise as seen from the front, as Godot has it.
+## Three corners per face, clockwise as seen from the front, as in all of Godot.
 var faces := PackedInt32Array()
 var normals := PackedVector3Array()
 ## Empty without colours.
 var colours := PackedColorArray()
 ## Empty without a texture.
 var uvs := PackedVector2Array()
-## Region of each vertex; empty where all have [member region].
-var regions := PackedInt32Array()
 ## Region of all vertices, or -1.
 var region := -1
-## The attribute that was asked for at each vertex, NAN without a value; empty where it has none.
-var values := PackedFloat32Array()
-## Region and value of each vertex, for a shader; empty where neither differs.
+## Region and attribute value of each vertex; empty if all have [member region] and none a value.
 var facts := PackedVector2Array()
 ## The texture with its mipmaps, or null.
 var image: Image
 ## Least x, y, z, then greatest; metres, scene frame.
 var bounds := PackedFloat64Array([0, 0, 0, 0, 0, 0])
-## What it takes in memory, once decoded and uploaded.
+## Memory that it takes, decoded and uploaded.
 var bytes := 0
-## What draws it; set and freed by [TerraportTerrain].
+## The node that draws it; set and freed by [TerraportTerrain].
 var instance: MeshInstance3D
 
 var _max_side := 2048
@@ -77,7 +76,7 @@ func mesh_arrays() -> Array:
 	return arrays
 
 
-## Give each face vertices of its own: vertex 3 f + k is corner k of face f.
+## Duplicate shared vertices: vertex 3 f + k is corner k of face f.
 func separate_faces() -> void:
 	var tool := SurfaceTool.new()
 	tool.create_from_arrays(mesh_arrays())
@@ -94,7 +93,7 @@ func separate_faces() -> void:
 		facts = arrays[Mesh.ARRAY_TEX_UV2]
 
 
-## Three corners of each face, one after the other.
+## Return the positions of the three corners of each face.
 func corners() -> PackedVector3Array:
 	var places := PackedVector3Array()
 	places.resize(faces.size())
@@ -103,7 +102,7 @@ func corners() -> PackedVector3Array:
 	return places
 
 
-## The first hit of a ray: position, normal, face_index; empty without one.
+## Return the first hit of a ray: position, normal, face_index; empty without a hit.
 func intersect_ray(origin: Vector3, direction: Vector3) -> Dictionary:
 	var least := Vector3(bounds[0], bounds[1], bounds[2])
 	var box := AABB(least, Vector3(bounds[3], bounds[4], bounds[5]) - least).grow(0.01)
@@ -144,20 +143,21 @@ func _decode(payload: PackedByteArray, attributes: Array, wanted: String) -> voi
 		_read_colours(vertex_count)
 	if flags & _UVS:
 		_read_uvs(vertex_count, width, height)
-	if flags & _REGIONS:
-		regions = _differences(vertex_count, 2)
+	var regions := _differences(vertex_count, 2) if flags & _REGIONS else PackedInt32Array()
+	var codes := PackedInt32Array()
+	var scale := {"offset": 0.0, "step": 0.0}
 	for bit: int in attributes.size():
-		if mask >> bit & 1:
-			if attributes[bit].name == wanted:
-				_read_attribute(vertex_count, attributes[bit])
-			else:
-				_take(2 * vertex_count)
+		if mask >> bit & 1 and attributes[bit].name == wanted:
+			scale = attributes[bit]
+			codes = _differences(vertex_count, 2)
+		elif mask >> bit & 1:
+			_take(2 * vertex_count)
 	if error == "" and _at != _stream.size():
 		_fail("%d bytes behind the last plane" % (_stream.size() - _at), "none")
 	if error == "" and kind > 0:
 		_read_image(image_bytes, kind, Vector2i(width, height))
-	if error == "" and not (regions.is_empty() and values.is_empty()):
-		_join_facts(vertex_count)
+	if error == "" and not (regions.is_empty() and codes.is_empty()):
+		_join_facts(vertex_count, regions, codes, scale)
 	bytes = 40 * vertex_count + 18 * face_count
 	if image != null:
 		bytes += image.get_data_size()
@@ -168,7 +168,7 @@ func _fail(got: String, expected: String) -> void:
 		error = "got %s, expected %s" % [got, expected]
 
 
-# The gzip stream's own trailer says how much it holds; zlib compares that and the CRC-32.
+# The gzip trailer has the inflated size and a CRC-32; zlib checks both.
 func _inflate(payload: PackedByteArray) -> bool:
 	var size := payload.size()
 	if size < 12 + 18 or payload.slice(0, 4).get_string_from_ascii() != "TSG2":
@@ -189,7 +189,7 @@ func _inflate(payload: PackedByteArray) -> bool:
 	return error == ""
 
 
-# Where the next bytes begin; -1 where the stream ends before their end.
+# Return the offset of the next bytes; -1 if the stream is too short.
 func _take(count: int) -> int:
 	var begin := _at
 	if error != "" or begin + count > _stream.size():
@@ -199,7 +199,7 @@ func _take(count: int) -> int:
 	return begin
 
 
-# A plane of differences; empty where the stream ends before it.
+# Read a plane of differences; empty if the stream is too short.
 func _differences(count: int, width: int) -> PackedInt32Array:
 	var sums := PackedInt32Array()
 	var low := _take(count * width)
@@ -353,23 +353,17 @@ func _read_uvs(count: int, width: int, height: int) -> void:
 		uvs[vertex] = Vector2(us[vertex] / (2.0 * width), vs[vertex] / (2.0 * height))
 
 
-func _read_attribute(count: int, scale: Dictionary) -> void:
-	var codes := _differences(count, 2)
-	if error != "":
-		return
-	values.resize(count)
+func _join_facts(
+		count: int, regions: PackedInt32Array, codes: PackedInt32Array, scale: Dictionary
+) -> void:
 	var offset: float = scale.offset
 	var step: float = scale.step
-	for vertex: int in count:
-		values[vertex] = NAN if codes[vertex] == _NO_VALUE else offset + step * codes[vertex]
-
-
-func _join_facts(count: int) -> void:
 	facts.resize(count)
 	for vertex: int in count:
-		var value := NAN if values.is_empty() else values[vertex]
-		facts[vertex] = Vector2(region if regions.is_empty() else regions[vertex],
-				-1e30 if is_nan(value) else value)
+		var code := _NO_CODE if codes.is_empty() else codes[vertex]
+		facts[vertex] = Vector2(
+				region if regions.is_empty() else regions[vertex],
+				NO_VALUE if code == _NO_CODE else offset + step * code)
 
 
 func _read_image(data: PackedByteArray, kind: int, sides: Vector2i) -> void:
@@ -400,7 +394,7 @@ func _read_image(data: PackedByteArray, kind: int, sides: Vector2i) -> void:
 	image = read
 
 
-# zlib checks CRC-32 in native code: the bytes are wrapped in a gzip stream of stored blocks.
+# Check a CRC-32 by the engine's zlib, in native code: as a gzip stream of stored blocks.
 static func _has_checksum(data: PackedByteArray, checksum: int) -> bool:
 	var wrapped := StreamPeerBuffer.new()
 	wrapped.put_data(PackedByteArray([0x1F, 0x8B, 8, 0, 0, 0, 0, 0, 0, 255]))
@@ -415,7 +409,7 @@ static func _has_checksum(data: PackedByteArray, checksum: int) -> bool:
 	return wrapped.data_array.decompress(data.size(), FileAccess.COMPRESSION_GZIP) == data
 
 
-# Width and height by the image's own header; zeros where it is of another type.
+# Read width and height from the image's header; zeros if it is of another type.
 static func _image_sides(data: PackedByteArray, kind: int) -> Vector2i:
 	if data.size() < 32:
 		return Vector2i.ZERO

@@ -1,6 +1,6 @@
 class_name TerraportSession
 extends RefCounted
-## The state of a client of protocol 2, over all its connections. Without socket, thread or clock.
+## State of a protocol 2 client over all its connections: no socket, no thread, no clock.
 ##
 ## The owner passes in commands and received messages, sends what [method messages_to_send]
 ## returns, and answers [signal payload_received] with [method accept] or [method reject]. Numbers
@@ -9,11 +9,11 @@ extends RefCounted
 ## The server said welcome.
 signal opened(scene: Dictionary, limits: Dictionary, version_changed: bool)
 signal planned(landing: int, plan: Dictionary)
-## A segment has come and must be decoded.
+## A segment is received and must be decoded.
 signal payload_received(key: int, payload: PackedByteArray)
-## The deadline has passed and the inner set is whole; the landing goes on.
+## The deadline has passed and the inner set is complete; the landing continues.
 signal inner_completed(landing: int, keys: PackedInt64Array, hidden: PackedByteArray)
-## A landing is whole: these segments are shown from now on, and these base faces are hidden.
+## A landing is complete: from now on these segments are shown and these base faces hidden.
 signal completed(landing: int, keys: PackedInt64Array, hidden: PackedByteArray)
 signal superseded(landing: int, by: int)
 signal refused(landing: int, code: String, message: String)
@@ -35,30 +35,31 @@ class Landing:
 	var number := 0
 	var position := PackedFloat64Array()
 	var radius_m := 0.0
-	## 0 for none, as [member coarse_radius_m].
+	## 0 for none; so is [member coarse_radius_m].
 	var inner_radius_m := 0.0
 	var coarse_radius_m := 0.0
 	## The deadline has passed: the inner set is enough.
 	var is_urgent := false
-	## Of the message that was sent last; 0 while it waits to be sent.
+	## Generation of the message that was sent last; 0 while it waits to be sent.
 	var generation := 0
-	## Empty until it comes, as [member ready].
+	## Empty until it is received.
 	var plan: Dictionary = {}
-	var ready: Dictionary = {}
+	## The server has sent everything.
+	var is_ready := false
 	var keys := PackedInt64Array()
 	var hidden := PackedByteArray()
-	## Keys of the plan that are neither in memory nor missing. All sets are dictionaries of true.
+	## Keys of the plan that are neither in memory nor missing. Sets are dictionaries of true.
 	var waiting: Dictionary[int, bool] = {}
 	## Keys of the plan that cannot be delivered.
 	var missing: Dictionary[int, bool] = {}
-	## Until the plan comes: keys that were listed as here, and those that came since.
+	## Until the plan is received: keys that [code]have[/code] listed, and those received since.
 	var protected: Dictionary[int, bool] = {}
 	var failures: Dictionary[int, int] = {}
 	## Keys that failed too often.
 	var without: Dictionary[int, bool] = {}
 
 
-## Of the newest connection; empty before the first.
+## Scene version of the newest connection; empty before the first.
 var version := ""
 ## The server has said welcome on the present connection.
 var is_open := false
@@ -68,9 +69,9 @@ var has_unsent_landing: bool:
 ## What the newest complete landing shows.
 var shown_keys := PackedInt64Array()
 var hidden := PackedByteArray()
-## Keys that the owner draws: they stay in memory.
+## Keys that the owner draws; they stay in memory.
 var drawn: Dictionary[int, bool] = {}
-## Payload that came though it was in memory; 0 with a right server.
+## Payload received although it was in memory; 0 with a correct server.
 var repeated_bytes := 0
 var received_bytes := 0
 
@@ -80,17 +81,17 @@ var _max_bytes: int
 ## Least recently used first.
 var _held: Dictionary[int, TerraportSegment] = {}
 var _held_bytes := 0
-## Payloads that the owner decodes.
+## Keys of payloads that the owner is decoding.
 var _decoding: Dictionary[int, bool] = {}
 var _outbox: Array[Dictionary] = []
-## Landings that are neither shown nor over, oldest first. Only the last may be shown; the others
-## go on if the server refuses it.
+## Landings that are neither shown nor ended, oldest first. Only the last may be shown; an older
+## one continues if the server refuses the last.
 var _open: Array[Landing] = []
 var _picks: Dictionary[int, Dictionary] = {}
 var _generation := 0
 var _landings := 0
 var _requests := 0
-## The segment that is coming in.
+## The segment that is being received: key, total, data.
 var _part: Dictionary = {}
 var _taken_bytes := 0
 var _granted_bytes := 0
@@ -114,7 +115,7 @@ func _init(
 	_max_bytes = max_bytes
 
 
-## A connection is there.
+## Begin a connection.
 func connection_opened() -> void:
 	is_open = false
 	_generation = 0
@@ -124,7 +125,7 @@ func connection_opened() -> void:
 	_outbox = [_hello]
 
 
-## The connection is gone. The newest landing and picks wait for the next one.
+## End a connection. The newest landing and picks wait for the next one.
 func connection_lost() -> void:
 	is_open = false
 	_outbox.clear()
@@ -135,7 +136,7 @@ func connection_lost() -> void:
 		_ask_again(newest)
 
 
-## Land. Replaces all landings that are not shown yet. Returns its number.
+## Request a landing, which replaces all that are not shown yet. Returns its number.
 func land(
 		position: PackedFloat64Array, radius_m: float, inner_radius_m := 0.0, coarse_radius_m := 0.0
 ) -> int:
@@ -155,7 +156,7 @@ func land(
 	return landing.number
 
 
-## From now on the inner set of a landing is enough.
+## Accept the inner set of a landing from now on.
 func hurry(number: int) -> void:
 	for landing: Landing in _open:
 		if landing.number == number:
@@ -163,7 +164,7 @@ func hurry(number: int) -> void:
 	_update()
 
 
-## Fetch ahead what a landing there needs. Nothing happens without a connection.
+## Prefetch what a landing there needs. Does nothing without a connection.
 func prefetch(position: PackedFloat64Array, radius_m: float, coarse_radius_m := 0.0) -> void:
 	if is_open:
 		_outbox.append(_request("prefetch", position, radius_m, coarse_radius_m))
@@ -181,8 +182,8 @@ func pick(origin: PackedFloat64Array, direction := PackedFloat64Array()) -> int:
 	return _requests
 
 
-## What is due, in order. The landing is built here, from what is in memory now: however often the
-## user lands in between, one is sent.
+## Return, once, the messages to send, in order. The landing's is built here, from what is in
+## memory now: however often the user lands before that, one is sent.
 func messages_to_send() -> Array[Dictionary]:
 	var messages := _outbox
 	_outbox = []
@@ -191,12 +192,12 @@ func messages_to_send() -> Array[Dictionary]:
 	return messages
 
 
-## A segment in memory, or null.
+## Return a segment in memory, or null.
 func segment(key: int) -> TerraportSegment:
 	return _held.get(key)
 
 
-## Whether all of these are in memory.
+## Return whether all of these are in memory.
 func has_all(keys: PackedInt64Array) -> bool:
 	for key: int in keys:
 		if key not in _held:
@@ -212,10 +213,10 @@ func forget() -> void:
 	_held_bytes = 0
 
 
-## A payload is decoded.
+## Take a segment that was decoded.
 func accept(key: int, decoded: TerraportSegment) -> void:
 	_decoding.erase(key)
-	if key in _held: # The server sent it again; the one that is here may be drawn.
+	if key in _held: # Sent twice; the one that is held may be drawn.
 		evicted.emit(decoded)
 		return
 	_held[key] = decoded
@@ -228,14 +229,14 @@ func accept(key: int, decoded: TerraportSegment) -> void:
 	_update()
 
 
-## A payload is damaged: a landing that needs it asks for it again.
+## Drop a damaged payload; a landing that needs it requests it again.
 func reject(key: int) -> void:
 	_decoding.erase(key)
 	_update()
 
 
-## Take one WebSocket message. Returns what is wrong with it: then the connection must be closed
-## with 4400.
+## Take one WebSocket message. Returns an error text for a violation of the protocol: the
+## connection must then be closed with 4400.
 func receive(data: PackedByteArray) -> String:
 	var message := TerraportWire.decode(data)
 	if message.is_empty():
@@ -270,7 +271,7 @@ func _on_welcome(welcome: Dictionary) -> String:
 	var scene: Dictionary = welcome.scene
 	var changed: bool = version != "" and version != scene.version
 	version = scene.version
-	if changed: # What was shown is no part of this scene.
+	if changed: # Segments of the previous version are not part of this scene.
 		shown_keys = PackedInt64Array()
 		hidden = PackedByteArray()
 	# Granted in halves: the server never runs dry while a grant is on its way (6).
@@ -297,7 +298,7 @@ func _on_error(error: Dictionary) -> void:
 			_open.erase(landing)
 			break
 	refused.emit(number, error.code, text)
-	_update() # An older landing goes on (4, rule 7).
+	_update() # An older landing continues (4, rule 7).
 
 
 func _on_plan(plan: Dictionary) -> String:
@@ -311,7 +312,7 @@ func _on_plan(plan: Dictionary) -> String:
 		return "got damaged hidden faces, expected %d" % _base_faces
 	_end_landings_before(landing)
 	landing.plan = plan
-	landing.ready = {}
+	landing.is_ready = false
 	landing.hidden = bits
 	landing.keys.clear()
 	landing.waiting.clear()
@@ -337,7 +338,7 @@ func _on_ready(ready: Dictionary) -> String:
 	var landing := _landing_of(ready)
 	if landing == null or landing.plan.is_empty():
 		return ""
-	landing.ready = ready
+	landing.is_ready = true
 	if "missing" in ready:
 		for at: int in range(0, ready.missing.size(), TerraportWire.KEY_BYTES):
 			landing.missing[ready.missing.decode_s64(at)] = true
@@ -393,7 +394,7 @@ func _landing_of(message: Dictionary) -> Landing:
 	return null
 
 
-# Show the newest landing where it is whole; ask again for what did not come.
+# Show the newest landing if it is complete; request again what was not received.
 func _update() -> void:
 	if _open.is_empty() or _open.back().plan.is_empty():
 		return
@@ -406,7 +407,7 @@ func _update() -> void:
 		_trim()
 		return
 	var is_decoding := landing.waiting.keys().any(func(key: int) -> bool: return key in _decoding)
-	if not landing.ready.is_empty() and not is_decoding:
+	if landing.is_ready and not is_decoding:
 		for key: int in landing.waiting:
 			landing.failures[key] = landing.failures.get(key, 0) + 1
 			if landing.failures[key] >= _MOST_FAILURES and landing.without.size() < _MAX_WITHOUT:
@@ -429,7 +430,7 @@ func _ask_again(landing: Landing) -> void:
 	landing.protected = _needs(landing).duplicate()
 	landing.generation = 0
 	landing.plan = {}
-	landing.ready = {}
+	landing.is_ready = false
 	landing.waiting.clear()
 
 
@@ -473,7 +474,7 @@ func _request(
 	return message
 
 
-# Keys in memory or about to be, near a place, the nearest first.
+# Keys near a place that are in memory or being decoded, the nearest first.
 func _held_near(position: PackedFloat64Array, reach_m: float) -> PackedInt64Array:
 	var near: Array = []
 	for key: int in _held:
@@ -519,7 +520,7 @@ func _trim() -> void:
 			evicted.emit(gone)
 
 
-# Bits of hidden base faces; empty where they are damaged.
+# Inflate the bits of hidden base faces; empty if they are damaged.
 func _inflated(packed: PackedByteArray) -> PackedByteArray:
 	var size := (_base_faces + 7) / 8
 	if packed.size() < 18 or packed.decode_u32(packed.size() - 4) != size or size == 0:

@@ -36,9 +36,9 @@ const BUDGETS := {
 	Device.HEADSET: [900_000, 512, 32, 256],
 }
 
-## Payload that may be on its way: what a fast connection brings in a second.
+## Payload that may be under way: about a second of a fast connection.
 const _CREDIT_BYTES := 4 << 20
-## Has room for that and the largest message.
+## Room for that and for the largest message.
 const _INBOUND_BYTES := 16 << 20
 const _OUTBOUND_BYTES := 1 << 20
 const _PING_PERIOD_S := 15.0
@@ -51,7 +51,7 @@ const _MAX_VISITS := 32
 const _COARSE_RADII := 3.0
 const _MASK_WIDTH := 256
 const _MAX_BASE_IMAGE := 4096
-## After these another connection would end alike.
+## Close codes after which another connection would end the same way.
 const _FINAL_CLOSE_CODES: Array[int] = [1000, 4400, 4401, 4403, 4404, 4409, 4413]
 const _FINAL_STATUSES := {
 	400: "malformed", 401: "unauthorised", 403: "forbidden", 404: "unknown_scene",
@@ -60,15 +60,15 @@ const _SHADER := preload("ground.gdshader")
 
 ## Address of the scene: [code]https://HOST/scenes/ID[/code].
 @export var url := ""
-## What [code]terraport token[/code] gave. It would be saved in the clear: set it at run time.
+## Access token. It would be saved in the clear: set it at run time.
 @export var token := ""
-## Radius of a landing that names none, metres.
+## Default radius of a landing, metres.
 @export_range(1.0, 500.0) var radius_m := 60.0
 @export var open_on_ready := true
 ## Land at [member landing_at_start] (scene frame) as soon as the scene is open.
 @export var land_on_open := true
 @export var landing_at_start := Vector3.ZERO
-## Show a landing as soon as it is whole; else [method show_landing] does, behind a fade.
+## Show a landing as soon as it is complete; if off, call [method show_landing], behind a fade.
 @export var auto_show := true
 ## Show a ring of the coarser level, to three times the radius, in scenes that have one.
 @export var shows_coarse := true
@@ -78,9 +78,9 @@ const _SHADER := preload("ground.gdshader")
 		_set_parameter("look", look)
 ## Attribute of the survey for [constant Look.ATTRIBUTE]; from the next [method open] on.
 @export var attribute := ""
-## Lit by the engine's lights, not by the shape alone as on a map; from the next [method open] on.
+## Use the engine's lights instead of shading as on a map; from the next [method open] on.
 @export var lit := false
-## Layers on which full detail is a static body too; from the next [method open] on.
+## Physics layers of the full detail as a static body; from the next [method open] on.
 @export_flags_3d_physics var collision_layer := 0
 ## Time that one frame gives to decoding and uploads, milliseconds.
 @export_range(0.2, 20.0) var frame_budget_ms := 4.0
@@ -105,7 +105,7 @@ var visible_segments: PackedInt32Array:
 var _session: TerraportSession
 var _socket: WebSocketPeer
 var _max_messages_per_s := 1.0
-## Why the service ends the connection: code and message.
+## Code and message of the service's fatal error, or empty.
 var _refusal: Array[String] = []
 var _attempt := 0
 var _first_wait_s := -1.0
@@ -113,7 +113,7 @@ var _retry_at_s := INF
 var _connect_by_s := INF
 var _next_send_s := 0.0
 var _next_prefetch_s := 0.0
-## Place and radius that are to be prefetched, or empty.
+## Place and radius to prefetch, or empty.
 var _prefetch: Array = []
 var _waiting: Array[Job] = []
 var _running: Array[Job] = []
@@ -121,14 +121,15 @@ var _shader: Shader
 var _base: TerraportSegment
 var _base_version := ""
 var _opened_version := ""
-## Keys of what is drawn.
+## Keys of the segments that are drawn.
 var _drawn: Dictionary[int, bool] = {}
 ## Segment numbers by key.
 var _numbers: Dictionary[int, int] = {}
-## Keys and hidden faces of what was shown whole, by place and radius.
+## Keys and hidden faces of completed landings, by place and radius.
 var _visits: Dictionary[Array, Array] = {}
-## Place and radius of each landing that is not shown yet, and when its inner set is enough.
+## Place and radius of each landing that is not complete.
 var _places: Dictionary[int, Array] = {}
+## Time from which the inner set of a landing is enough.
 var _deadlines: Dictionary[int, float] = {}
 ## Landing, keys and hidden faces that [method show_landing] would show, or empty.
 var _offer: Array = []
@@ -165,19 +166,19 @@ func _exit_tree() -> void:
 
 
 func _process(_delta: float) -> void:
-	if _session == null:
+	# Code that a signal calls may close the scene: this reference keeps the session for the frame.
+	var session := _session
+	if session == null:
 		return
 	if _now_s() >= _retry_at_s:
 		_connect_to_service()
 	if _socket != null:
 		_receive()
-	if _session == null: # A signal's receiver has closed the scene.
-		return
 	_decode_and_upload()
 	for landing: int in _deadlines.keys():
-		if _now_s() >= _deadlines[landing]:
+		if _now_s() >= _deadlines.get(landing, INF):
 			_deadlines.erase(landing)
-			_session.hurry(landing)
+			session.hurry(landing)
 	if _socket != null and _socket.get_ready_state() == WebSocketPeer.STATE_OPEN:
 		_send()
 
@@ -243,23 +244,23 @@ func land(place: Vector3, radius := 0.0, inner_m := 0.0, deadline_s := 0.0) -> i
 	var wanted_m := radius if radius > 0.0 else radius_m
 	var ring_m := _COARSE_RADII * wanted_m if shows_coarse else 0.0
 	_offer.clear()
-	var landing := _session.land(_numbers_of(local), wanted_m, inner_m, ring_m)
+	var landing := _session.land(_doubles(local), wanted_m, inner_m, ring_m)
 	_places[landing] = [local, wanted_m, ring_m]
 	if deadline_s > 0.0:
 		_deadlines[landing] = _now_s() + deadline_s
-	# What was shown whole before is shown before the answer, where it is still here (4, rule 10).
+	# A place that was shown before is shown again at once if all of it is in memory (4, rule 10).
 	var visit: Array = _visits.get(_places[landing], [])
 	if not visit.is_empty() and _session.has_all(visit[0]):
 		_present(landing, visit[0], visit[1])
 	return landing
 
 
-## Somebody points there: what a landing needs is fetched ahead. Call it as often as you like.
+## Prefetch what a landing there needs, while the user points there. Call it as often as you like.
 func prefetch(place: Vector3, radius := 0.0) -> void:
 	_prefetch = [to_local(place), radius if radius > 0.0 else radius_m]
 
 
-## Show what [signal presentable] told of. False where there is nothing.
+## Show the landing of [signal presentable]. Returns false if there is none.
 func show_landing() -> bool:
 	if _offer.is_empty():
 		return false
@@ -269,8 +270,8 @@ func show_landing() -> bool:
 	return true
 
 
-## Where a ray first meets what is shown: position, normal, segment (-1 for the base); empty where
-## it meets nothing. Exact, at once, without colliders.
+## Return the first hit of a ray with what is shown: position, normal, segment (-1 for the base);
+## empty without a hit. Exact and immediate, without colliders.
 func cast_ground(from: Vector3, direction: Vector3, max_m := 100000.0) -> Dictionary:
 	var origin := to_local(from)
 	var along := (global_basis.inverse() * direction).normalized()
@@ -293,7 +294,7 @@ func cast_ground(from: Vector3, direction: Vector3, max_m := 100000.0) -> Dictio
 	}
 
 
-## The ground on the vertical of a point: the highest not above it, else the lowest above it.
+## Return the ground below a point, or else the lowest above it; as [method cast_ground].
 func ground_at(place: Vector3) -> Dictionary:
 	var below := cast_ground(place + 0.01 * Vector3.UP, Vector3.DOWN)
 	return below if not below.is_empty() else cast_ground(place, Vector3.UP)
@@ -305,18 +306,18 @@ func pick(from: Vector3, direction := Vector3.DOWN) -> int:
 	if _session == null:
 		return 0
 	var along := global_basis.inverse() * direction
-	return _session.pick(_numbers_of(to_local(from)), _numbers_of(along))
+	return _session.pick(_doubles(to_local(from)), _doubles(along))
 
 
-## Read what the manifest links to: [code]regions[/code] or [code]labels[/code]
-## (spec/scene-format.md, section 11). Empty where it cannot be had.
+## Fetch a file that the manifest links to: [code]regions[/code] or [code]labels[/code]
+## (spec/scene-format.md, section 11). Empty if it cannot be fetched.
 func fetch_json(name: String) -> Dictionary:
 	if name not in manifest.get("links", {}):
 		return {}
 	return _parsed(await _fetch(_server_url() + manifest.links[name]))
 
 
-## Payload bytes received, those received though they were here, and segments drawn.
+## Return payload bytes received, those received although in memory, and segments drawn.
 func stats() -> Dictionary:
 	return {} if _session == null else {
 		"received_bytes": _session.received_bytes,
@@ -334,7 +335,7 @@ func _set_link(state: Link) -> void:
 		link_changed.emit(state)
 
 
-# The manifest is read first: HTTP tells why a service refuses, and which version it has.
+# The manifest comes first: its HTTP status says why a service refuses access.
 func _connect_to_service() -> void:
 	var session := _session
 	_retry_at_s = INF
@@ -388,7 +389,7 @@ func _send() -> void:
 	var now_s := _now_s()
 	if not _prefetch.is_empty() and _session.is_open and now_s >= _next_prefetch_s:
 		var ring_m: float = _COARSE_RADII * _prefetch[1] if shows_coarse else 0.0
-		_session.prefetch(_numbers_of(_prefetch[0]), _prefetch[1], ring_m)
+		_session.prefetch(_doubles(_prefetch[0]), _prefetch[1], ring_m)
 		_prefetch.clear()
 		_next_prefetch_s = now_s + _PREFETCH_PERIOD_S
 	if now_s < _next_send_s and _session.is_open:
@@ -419,7 +420,7 @@ func _drop_socket() -> void:
 	_session.connection_lost()
 
 
-# Status and body of a GET; status 0 where there was no answer.
+# Return status and body of a GET; status 0 without an answer.
 func _fetch(address: String, timeout_s := 0.0) -> Array:
 	var request := HTTPRequest.new()
 	request.timeout = timeout_s
@@ -447,11 +448,11 @@ static func _now_s() -> float:
 	return Time.get_ticks_usec() / 1e6
 
 
-static func _numbers_of(vector: Vector3) -> PackedFloat64Array:
+static func _doubles(vector: Vector3) -> PackedFloat64Array:
 	return [vector.x, vector.y, vector.z]
 
 
-# ---- what the session tells
+# ---- signals of the session
 
 
 func _on_opened(scene: Dictionary, limits: Dictionary, version_changed: bool) -> void:
@@ -460,9 +461,9 @@ func _on_opened(scene: Dictionary, limits: Dictionary, version_changed: bool) ->
 	if version_changed:
 		_visits.clear()
 		_swap(0, PackedInt64Array(), PackedByteArray())
-		if attribute != "": # Its scale may be another one now.
+		if attribute != "": # Its scale may have changed.
 			_session.forget()
-	if scene.version != manifest.version: # Published between the two answers.
+	if scene.version != manifest.version: # A version was published between the two answers.
 		_socket.close()
 		_wait_and_retry()
 		return
@@ -555,7 +556,7 @@ func _decode_and_upload() -> void:
 		else:
 			push_warning("terraport: segment %x: %s" % [job.key, job.result.error])
 			_session.reject(job.key)
-	# Where the engine has no threads, a task runs here and now: decoding takes slices of frames.
+	# In an engine without threads add_task() runs the task: the budget then limits decoding.
 	while not _waiting.is_empty() and _running.size() < _MAX_TASKS \
 			and Time.get_ticks_usec() < end_us:
 		var job: Job = _waiting.pop_front()
@@ -611,7 +612,7 @@ func _load_base() -> void:
 	job.max_side = _MAX_BASE_IMAGE
 	job.start()
 	while not job.is_done():
-		await get_tree().process_frame
+		await Engine.get_main_loop().process_frame
 	if session != _session or version != manifest.version:
 		return
 	if job.result.error != "":
@@ -656,7 +657,7 @@ static func _set_shown(instance: MeshInstance3D, is_shown: bool) -> void:
 	instance.process_mode = PROCESS_MODE_INHERIT if is_shown else PROCESS_MODE_DISABLED
 
 
-# The shader reads one bit a face from a texture.
+# The shader reads one bit per face from a texture.
 func _hide_base_faces(bits: PackedByteArray) -> void:
 	hidden_faces = bits
 	if _base == null:

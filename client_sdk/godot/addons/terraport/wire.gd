@@ -19,7 +19,7 @@ const _MAX_DEPTH := 32
 const _NUMBER := TYPE_FLOAT
 const _POINT := TYPE_VECTOR3
 const _BYTES := TYPE_PACKED_BYTE_ARRAY
-## Fields that a client reads and their types; a name that ends with "?" is optional.
+## Types of the fields that a client reads; a name that ends with "?" is optional.
 const _FIELDS := {
 	"welcome": {"scene": TYPE_DICTIONARY, "limits": TYPE_DICTIONARY},
 	"welcome.scene": {
@@ -60,9 +60,9 @@ static func encode(value: Variant) -> PackedByteArray:
 
 ## Decode one WebSocket message.
 ##
-## Returns the message's fields with [code]type[/code]; a frame has the type [code]frame[/code] and
-## the fields generation, key, offset, total, data. Empty for what is to be skipped. Of the type
-## [code]malformed[/code], with a [code]message[/code], for what the protocol does not allow.
+## Returns its fields, among them [code]type[/code]. A payload frame has the type [code]frame[/code]
+## and generation, key, offset, total, data. Returns an empty dictionary for a message to skip, and
+## one of type [code]malformed[/code] with a [code]message[/code] for a violation of the protocol.
 static func decode(data: PackedByteArray) -> Dictionary:
 	if data.is_empty() or data[0] == 0:
 		return _malformed("an empty message", "a frame or a map")
@@ -77,7 +77,7 @@ static func decode(data: PackedByteArray) -> Dictionary:
 	return _checked(value.type, value) if value.type in _FIELDS else {}
 
 
-## Read one value; null where the bytes are not one.
+## Decode one msgpack value; null if the bytes are not exactly one.
 func read(data: PackedByteArray) -> Variant:
 	_input.big_endian = true
 	_input.data_array = data
@@ -173,7 +173,7 @@ func _available() -> int:
 	return _input.get_size() - _input.get_position()
 
 
-# Whether so many bytes are there; if not, the message is malformed.
+# Return whether so many bytes are left; if not, the message is malformed.
 func _has(count: int) -> bool:
 	if _error == "" and count > _available():
 		_error = "%d bytes" % _available()
