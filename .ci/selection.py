@@ -41,7 +41,11 @@ RULES: Final[dict[str, tuple[str, ...]]] = {
         "tests/browser",
         "tests/test_hatch_page.py",
     ),
-    "client_sdk/unity": CORES,
+    "client_sdk/unity": (
+        "tests/engines/test_unity_core.py",
+        "tests/engines/test_unity_visits.py",
+        "tests/engines",
+    ),
     "client_sdk/unreal": CORES,
     "client_sdk/godot": ("tests/browser/test_godot.py",),
     "tests/conformance": ("tests/conformance", *CORES),

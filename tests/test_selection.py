@@ -49,7 +49,7 @@ def writer():
     "tests/store/test_data.py": "SURVEY = 'data/small.las'",
     "tests/store/test_program.py": "import sys\nRUN = [sys.with_name('terraport'), 'build']",
     "tests/end_to_end/test_all.py": "from shop import Reader\n\ndef test_a():\n    Reader()",
-    "tests/engines/test_units.py": "",
+    "tests/engines/test_unity_core.py": "",
     "tests/engines/test_axes.py": "",
 }
 
@@ -81,7 +81,7 @@ def ci() -> Iterator[tuple[ModuleType, ModuleType]]:
         ("spec/format.md", ["test_spec"]),
         ("data/small.las", ["test_data"]),
         ("tests/store/test_data.py", ["test_data"]),
-        ("client_sdk/unity/Core/Aim.cs", ["test_units", "test_axes"]),
+        ("client_sdk/unity/Core/Aim.cs", ["test_unity_core", "test_axes"]),
         ("README.md", []),
     ],
 )

@@ -5,7 +5,7 @@ namespace Terraport.Unity.Editor
 {
     /// <summary>
     /// Steps the previews of open scenes at the editor's pace, by the camera of the scene view that was used last. What they make goes when
-    /// their component is disabled, which Unity does before it compiles scripts anew, closes a scene or begins to play.
+    /// their component is disabled, which Unity does before it compiles scripts, closes a scene or begins to play.
     /// </summary>
     [InitializeOnLoad]
     public static class ScenePreview

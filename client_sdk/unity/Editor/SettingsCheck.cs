@@ -50,7 +50,7 @@ namespace Terraport.Unity.Editor
                 return;
             }
             Uri address = new Uri(sceneUrl.Server);
-            // On the machine itself nobody listens in between.
+            // On the machine itself there is no network in between.
             if (address.Scheme == "http" && !address.IsLoopback)
             {
                 findings.Add("Over http the token and the survey can be read by everybody on the way. Use https; for a test set Project "

@@ -4,7 +4,7 @@ using UnityEngine;
 
 namespace Terraport.Unity.Editor
 {
-    /// <summary>Inspector of a scene: its fields, what is wrong with them, and while playing where the landing stands.</summary>
+    /// <summary>Inspector of a scene: its fields, what is wrong with them, and while playing the state of the landing.</summary>
     [CustomEditor(typeof(TerraportScene))]
     public sealed class TerraportSceneEditor : UnityEditor.Editor
     {

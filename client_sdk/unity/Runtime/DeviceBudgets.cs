@@ -25,12 +25,12 @@ namespace Terraport.Unity
         public float radiusM = 60;
 
         [Min(0)]
-        [Tooltip("Payload kept in main memory beside what is shown, MiB. More: places landed in before come back without loading.")]
+        [Tooltip("Payload kept in main memory, MiB. More: places landed in before come back without loading.")]
         public int cacheMebibytes = 256;
 
         [Min(0)]
-        [Tooltip("Payload kept on disk from one run to the next, of all scenes, MiB; 0 keeps none. Whoever may read the app's cache may "
-            + "read it.")]
+        [Tooltip("Payload kept on disk from one run to the next, of all scenes, MiB; 0 keeps none. Other programs that can read the app's "
+            + "cache can read it.")]
         public int diskMebibytes = 1024;
 
         [Min(1)]

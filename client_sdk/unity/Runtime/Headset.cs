@@ -5,12 +5,12 @@ using UnityEngine.XR;
 namespace Terraport.Unity
 {
     /// <summary>
-    /// Whether there is a headset, asked of the XR module's displays: XRSettings lies in the VR module, which is obsolete and, from Unity
+    /// Whether there is a headset, by the displays of the XR module: XRSettings is in the VR module, which is obsolete and, from Unity
     /// 6.5 on, gone.
     /// </summary>
     internal static class Headset
     {
-        // Filled anew at each question; kept, since this is asked in every frame and must make no garbage.
+        // Kept, since this is asked in every frame and must make no garbage.
         private static readonly List<XRDisplaySubsystem> displays = new List<XRDisplaySubsystem>();
 
         /// <summary>Whether an XR plug-in has loaded a display, shown on or not.</summary>

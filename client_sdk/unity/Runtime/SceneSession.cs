@@ -20,7 +20,7 @@ namespace Terraport.Unity
         private readonly Func<string> token;
         // Null while nothing is loaded.
         private Task<SceneFiles> loading;
-        // Seconds of realtimeSinceStartup, which goes on while the game's time is scaled or stopped.
+        // Seconds of realtimeSinceStartup, which continues while the game's time is scaled or stopped.
         private float retryAtS = float.PositiveInfinity, retryInS = MinRetryS;
 
         /// <param name="scene">The component.</param>

@@ -22,7 +22,7 @@ namespace Terraport.Unity
         private TerraportTeleport teleport;
 
         [SerializeField]
-        [Tooltip("1 to 64 of A-Z a-z 0-9 _ . ~ -. Whoever knows it and may see the scene can join.")]
+        [Tooltip("1 to 64 of A-Z a-z 0-9 _ . ~ -. Everyone who knows it and may see the scene can join.")]
         private string groupName = "";
 
         [SerializeField]
@@ -50,7 +50,7 @@ namespace Terraport.Unity
         private UnityEvent onCalled = new UnityEvent();
 
         [SerializeField]
-        [Tooltip("Everybody is there, or nobody waits any longer.")]
+        [Tooltip("Everybody is there, or the deadline has passed.")]
         private UnityEvent onGathered = new UnityEvent();
 
         // Null before the scene is loaded. The client is another one after the scene was closed and opened.

@@ -4,7 +4,7 @@ using UnityEngine;
 namespace Terraport.Unity
 {
     /// <summary>
-    /// Teleports the user beside it in the dark of a fade: the landing is asked for at once, the view darkens, and in one dark frame the
+    /// Teleports the user on the same object during a fade: the landing is requested at once, the view fades to black, and in one black frame the
     /// new detail is shown and the rig set down.
     /// </summary>
     [AddComponentMenu("Terraport/Terraport Teleport")]
@@ -18,12 +18,12 @@ namespace Terraport.Unity
 
         [SerializeField]
         [Min(0)]
-        [Tooltip("Seconds to dark, and to light again.")]
+        [Tooltip("Seconds of each fade, to black and back.")]
         private float fadeS = 0.15f;
 
         [SerializeField]
         [Min(0)]
-        [Tooltip("Longest time in the dark, seconds. Then the user is moved all the same, onto the base, and detail follows.")]
+        [Tooltip("Longest time in black, seconds. Then the user is moved onto the base, and detail follows.")]
         private float maxDarkS = 6;
 
         private TerraportUser user;
@@ -72,7 +72,7 @@ namespace Terraport.Unity
             {
                 scene = target;
                 sceneAutoShow = target.AutoShow;
-                // What is shown changes in the dark alone.
+                // What is shown changes only while the screen is black.
                 target.AutoShow = false;
                 land();
                 Enter(Phase.Darkening);
@@ -121,7 +121,7 @@ namespace Terraport.Unity
         {
             if (scene == null || !scene.IsOpen)
             {
-                user.Stay(); // It was closed in the dark: there is nowhere to go.
+                user.Stay(); // It was closed meanwhile: there is nowhere to go.
             }
             else
             {
@@ -129,7 +129,7 @@ namespace Terraport.Unity
                 scene.Show();
             }
             if (phaseS >= maxDarkS) user.ArriveNow();
-            // Arrived; or refused, or overtaken by a landing of somebody else: then the rig stays where it is.
+            // Arrived; or refused, or replaced by another landing: then the rig stays where it is.
             if (!user.IsComing) Enter(Phase.Lightening);
         }
 

@@ -4,11 +4,11 @@ using UnityEngine;
 namespace Terraport.Unity
 {
     /// <summary>
-    /// Somebody who walks in a scene: aims along a ray, lands where it meets the ground, and is set down on the survey's own height.
+    /// A user who walks in a scene: aims along a ray, lands where it meets the ground, and is set down on the survey's own height.
     /// </summary>
     /// <remarks>
     /// Rays and feet meet what is shown, detail and base, by <see cref="TerraportScene.CastGround"/> and
-    /// <see cref="TerraportScene.GroundAt"/>: no collider is needed. <see cref="TerraportTeleport"/> lands in the dark of a fade.
+    /// <see cref="TerraportScene.GroundAt"/>: no collider is needed. <see cref="TerraportTeleport"/> lands during a fade.
     /// </remarks>
     [AddComponentMenu("Terraport/Terraport User")]
     public sealed class TerraportUser : MonoBehaviour
@@ -157,7 +157,7 @@ namespace Terraport.Unity
         {
             if (scene == null)
             {
-                // The usual set-up: the user lies below the scene's object.
+                // The usual set-up: the user is below the scene's object.
                 scene = GetComponentInParent<TerraportScene>();
             }
             if (scene == null)
@@ -226,7 +226,7 @@ namespace Terraport.Unity
             Arrived?.Invoke(point);
         }
 
-        /// <summary>Where feet stand at a place: on what is shown.</summary>
+        /// <summary>The ground that is shown at a place.</summary>
         private Vector3 OnGround(Vec3 place)
         {
             GroundHit ground;

@@ -49,7 +49,7 @@ namespace Terraport.Unity
         public void Dispose()
         {
             TerraportSocketClose(id, CloseCodes.Normal, "");
-            // The page's script keeps a socket until it is told.
+            // The page's script keeps a socket until then.
             TerraportSocketForget(id);
         }
 

@@ -85,7 +85,7 @@ namespace Terraport.Tools
             };
         }
 
-        /// <summary>Compare what the reader has found with what stands in the corpus, as far as the reader keeps it.</summary>
+        /// <summary>Compare what the reader has found with the corpus, as far as the reader keeps it.</summary>
         private static string Differs(object got, Json expected)
         {
             var fields = (Dictionary<string, object>)got;

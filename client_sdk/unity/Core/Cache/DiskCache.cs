@@ -13,7 +13,7 @@ namespace Terraport
     /// </summary>
     /// <remarks>
     /// ROOT/scene-ID/KEY-BOX.segment-2, with the content key in 16 hexadecimal digits and the box as six float32 in 8 digits each: the names
-    /// say what is there, no file is opened before it is needed. Whoever reads a payload decodes it, which checks it.
+    /// say what is there, no file is opened before it is needed. Decoding a payload checks it.
     /// </remarks>
     internal sealed class DiskCache : IDisposable
     {
@@ -153,7 +153,7 @@ namespace Terraport
                     if (File.Exists(path)) return;
                     if (bytes + payload.Length > maxBytes) MakeRoom(payload.Length);
                     Directory.CreateDirectory(folder);
-                    // Written under another name and renamed: nobody reads half a file.
+                    // Written under another name and renamed: no reader sees half a file.
                     File.WriteAllBytes(unfinished, payload);
                     File.Move(unfinished, path);
                     bytes += payload.Length;

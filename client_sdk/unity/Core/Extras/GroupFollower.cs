@@ -1,8 +1,8 @@
 namespace Terraport
 {
     /// <summary>
-    /// The user's part in a group: lands where the guide lands the group, where the user wants that, and reports the arrival. It moves
-    /// nobody.
+    /// The user's part in a group: lands where the guide lands the group, where the user wants that, and reports the arrival. It does not
+    /// move the user.
     /// </summary>
     internal sealed class GroupFollower
     {
@@ -18,7 +18,7 @@ namespace Terraport
             client.GroupChanged += OnChanged;
         }
 
-        /// <summary>Land where the guide does. Else the group is told that this member does not come.</summary>
+        /// <summary>Land where the guide does. Otherwise this member declines.</summary>
         internal bool Follows { get; set; } = true;
 
         /// <summary>Lands there instead of the client, by a teleport for instance; returns the number of the landing.</summary>

@@ -14,7 +14,7 @@ namespace Terraport
 
         internal int VertexCount, FaceCount;
 
-        /// <summary>A vertex lies at Step x (Origin + code), metres, scene frame: exact in float32.</summary>
+        /// <summary>A vertex is at Step x (Origin + code), metres, scene frame: exact in float32.</summary>
         internal Vec3 Origin;
         internal double StepM;
 

@@ -95,7 +95,7 @@ namespace Terraport
                 "several_scenes", server.Server + " serves these scenes: " + names + "; name one as .../scenes/ID");
         }
 
-        /// <summary>A file without which everything goes on: empty where it does not come.</summary>
+        /// <summary>Fetch a file that is not needed; empty where that fails.</summary>
         private static async Task<ArraySegment<byte>> GetOptionalAsync(Task<ArraySegment<byte>> get)
         {
             try

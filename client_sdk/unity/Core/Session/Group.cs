@@ -34,13 +34,13 @@ namespace Terraport
         public Vec3? Position { get; internal set; }
     }
 
-    /// <summary>A landing of the whole group, and after its barrier has opened who arrived.</summary>
+    /// <summary>A landing of the whole group, and the members that arrived, once its barrier is open.</summary>
     public sealed class GroupGathering
     {
         /// <summary>Its number in the group.</summary>
         public uint Number { get; internal set; }
 
-        /// <summary>Number of the member who asked for it.</summary>
+        /// <summary>Number of the member that asked for it.</summary>
         public uint Guide { get; internal set; }
 
         /// <summary>Centre, scene frame.</summary>
@@ -52,19 +52,19 @@ namespace Terraport
         /// <summary>Radius of the smaller set that counts as well, metres; null without.</summary>
         public double? InnerRadiusM { get; internal set; }
 
-        /// <summary>Milliseconds until nobody is waited for; null where that was already so when it was told.</summary>
+        /// <summary>Milliseconds until the barrier opens at the latest; null where it was open already.</summary>
         public long? LeftMs { get; internal set; }
 
-        /// <summary>Whether nobody waits any longer.</summary>
+        /// <summary>Whether the barrier is open.</summary>
         public bool IsOver { get; internal set; }
 
-        /// <summary>Members who show their landing.</summary>
+        /// <summary>Members that show their landing.</summary>
         public IReadOnlyList<uint> Ready { get; internal set; } = Array.Empty<uint>();
 
-        /// <summary>Members who show their inner set.</summary>
+        /// <summary>Members that show their inner set.</summary>
         public IReadOnlyList<uint> Degraded { get; internal set; } = Array.Empty<uint>();
 
-        /// <summary>Members who declined, or did not arrive in time.</summary>
+        /// <summary>Members that declined, or did not arrive in time.</summary>
         public IReadOnlyList<uint> Missing { get; internal set; } = Array.Empty<uint>();
     }
 
@@ -174,7 +174,7 @@ namespace Terraport
         /// <summary>Say that this member's part in a gathering is over: "ready", "degraded" or "declined".</summary>
         internal void Arrived(uint gathering, string state)
         {
-            if (gathering != newest) return; // A newer one has come: nobody waits for this one.
+            if (gathering != newest) return; // A newer one has replaced it.
             arrived = ClientMessages.Arrived(gathering, state);
             if (isSeated) session.Say(arrived);
         }

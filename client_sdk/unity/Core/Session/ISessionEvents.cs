@@ -18,10 +18,10 @@ namespace Terraport
         /// <summary>A plan needs a segment from the disk: the owner reads and decodes it and answers by Accept or Lost.</summary>
         void RestoreNeeded(ulong key);
 
-        /// <summary>The deadline has passed and the inner set is whole; the landing goes on.</summary>
+        /// <summary>The deadline has passed and the inner set is whole; the landing continues.</summary>
         void InnerWhole(Landing landing, List<PlanRow> rows);
 
-        /// <summary>A landing is whole, but for segments that cannot be had.</summary>
+        /// <summary>A landing is whole, except for segments that are not available.</summary>
         void Whole(Landing landing, List<PlanRow> rows, List<uint> missing);
 
         /// <summary>An unfinished landing was replaced by a newer one.</summary>

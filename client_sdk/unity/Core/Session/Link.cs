@@ -44,8 +44,8 @@ namespace Terraport
     /// <summary>The connection of a session: opened, lost, opened again. Polled from the thread that owns the session.</summary>
     internal sealed class Link
     {
-        // Ten aims a second are enough to prefetch by. One attempt: TCP, TLS, handshake, welcome. A connection that lived so long begins the
-        // waits anew. Silence of a service that owes an answer: without it a dead connection is noticed by TCP after minutes.
+        // Ten aims a second are enough to prefetch by. One attempt: TCP, TLS, handshake, welcome. A connection that lived so long resets the
+        // waits. Silence of a service that owes an answer: without it a dead connection is noticed by TCP after minutes.
         private const double AimPeriodMs = 100, ConnectMs = 10000, StableMs = 10000, SilenceMs = 30000;
         private const double FirstWaitMs = 500, LongestWaitMs = 30000;
 
@@ -97,7 +97,7 @@ namespace Terraport
             attempt = 0;
         }
 
-        /// <summary>Close for good; the service is told where the connection is open.</summary>
+        /// <summary>Close for good, with a goodbye where the connection is open.</summary>
         internal void Close()
         {
             session.Bye();
@@ -113,7 +113,7 @@ namespace Terraport
             refusalMessage = message;
         }
 
-        /// <summary>A landing was whole: the waits begin anew when the connection is lost.</summary>
+        /// <summary>A landing was whole: the waits are reset.</summary>
         internal void NoteSuccess() { attempt = 0; }
 
         /// <summary>The service goes away: connect again after so long.</summary>

@@ -19,6 +19,9 @@ namespace Terraport
     {
         private const int MaxHave = 4096, MaxWithout = 64;
 
+        /// <summary>Unanswered picks; then the oldest is refused here.</summary>
+        private const int MaxPicks = 64;
+
         /// <summary>Failed deliveries of a segment after which it is left out (4, rule 8).</summary>
         private const int MaxFailures = 2;
 
@@ -224,6 +227,12 @@ namespace Terraport
             uint request = NextRequest();
             picks[request] = ClientMessages.Pick(request, origin, direction);
             Say(picks[request]);
+            if (picks.Count > MaxPicks)
+            {
+                uint oldest = picks.Keys.First();
+                picks.Remove(oldest);
+                events.Picked((int)oldest, null, "too_many");
+            }
             return (int)request;
         }
 
@@ -322,7 +331,7 @@ namespace Terraport
             Landing refused = error.IsFatal || error.Generation == null ? null : open.Find(one => one.Generation == error.Generation);
             if (refused != null) open.Remove(refused);
             events.Refused(refused?.Number, error.Code, error.Message, error.IsFatal);
-            Update(); // An older landing goes on (4, rule 7).
+            Update(); // An older landing continues (4, rule 7).
         }
 
         private void OnPlan(Plan plan)

@@ -43,7 +43,7 @@ namespace Terraport
             }
             catch (ArgumentException error)
             {
-                // Line ends and the like cannot stand in a header.
+                // Line ends and the like are not allowed in a header.
                 Become(TransportState.Closed, CloseCodes.Unauthorised, "the token cannot be sent: " + error.Message);
                 return;
             }

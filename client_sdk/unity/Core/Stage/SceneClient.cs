@@ -175,7 +175,7 @@ namespace Terraport
             refusal = null;
             missing = Array.Empty<uint>();
             isShowAsked = isPresentableTold = false;
-            // What was shown there before, in this version (4, rule 10); the landing goes on behind it.
+            // What was shown there before, in this version (4, rule 10); the answer names the same set.
             ShownSet before = NeedsFiles ? null : remembered.Find(set => set.IsAt(newest) && set.Keys.All(residents.ContainsKey));
             target = before == null ? null : new ShownSet(newest, before.Rows, before.Hidden, true);
             return newest.Number;

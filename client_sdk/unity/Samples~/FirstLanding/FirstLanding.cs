@@ -7,13 +7,13 @@ using UnityEngine.InputSystem;
 namespace Terraport.Samples
 {
     /// <summary>
-    /// Lands without XR: point with the mouse to aim, click to land, drag with the right button to look round. The prefab beside this has
+    /// Lands without XR: point with the mouse to aim, click to land, drag with the right button to look round. The prefab next to this has
     /// it, with a scene, a user and an eye.
     /// </summary>
     public sealed class FirstLanding : MonoBehaviour
     {
         [SerializeField]
-        [Tooltip("Who lands; it moves the rig that the eye is on.")]
+        [Tooltip("The user who lands; it moves the rig that the eye is on.")]
         private TerraportUser user;
 
         [SerializeField]

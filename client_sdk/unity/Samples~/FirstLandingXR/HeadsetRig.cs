@@ -7,7 +7,7 @@ namespace Terraport.Samples
 {
     /// <summary>
     /// A headset's rig without any package but the XR plug-in: moves head and hand by the tracked poses, aims while the trigger is held,
-    /// lands when it is let go, turns by the stick. The prefab beside this has it, with a scene and a user.
+    /// lands when it is let go, turns by the stick. The prefab next to this has it, with a scene and a user.
     /// </summary>
     /// <remarks>
     /// Poses and buttons are read by UnityEngine.XR, which gives them whichever of the two input systems a project has switched on.
@@ -19,15 +19,15 @@ namespace Terraport.Samples
         private const float Released = 0.3f;
 
         [SerializeField]
-        [Tooltip("Who aims by the hand and lands.")]
+        [Tooltip("The user who aims by the hand and lands.")]
         private TerraportUser user;
 
         [SerializeField]
-        [Tooltip("Lands in the dark of a fade.")]
+        [Tooltip("Lands during a fade.")]
         private TerraportTeleport teleport;
 
         [SerializeField]
-        [Tooltip("What stands on the ground: the parent of head and hand.")]
+        [Tooltip("What is on the ground: the parent of head and hand.")]
         private Transform rig;
 
         [SerializeField]

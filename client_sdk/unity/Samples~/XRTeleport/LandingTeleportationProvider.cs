@@ -15,7 +15,7 @@ namespace Terraport.Samples
     public sealed class LandingTeleportationProvider : TeleportationProvider
     {
         [SerializeField]
-        [Tooltip("Lands in the dark of a fade, its user without a rig of its own; none teleports as the toolkit does.")]
+        [Tooltip("Lands during a fade, its user without a rig of its own; none teleports as the toolkit does.")]
         private TerraportTeleport landing;
 
         private TerraportUser user;

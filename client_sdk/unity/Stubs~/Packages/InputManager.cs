@@ -5,9 +5,7 @@ namespace UnityEngine
     public class Input
     {
         public static Vector3 mousePosition => default(Vector3);
-
         public static bool GetMouseButton(int button) { return false; }
-
         public static bool GetMouseButtonDown(int button) { return false; }
     }
 }

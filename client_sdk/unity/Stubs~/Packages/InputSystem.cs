@@ -19,9 +19,7 @@ namespace UnityEngine.InputSystem
     public class Mouse : Pointer
     {
         public static Mouse current { get; private set; }
-
         public Controls.ButtonControl leftButton { get; protected set; }
-
         public Controls.ButtonControl rightButton { get; protected set; }
     }
 }
@@ -35,7 +33,6 @@ namespace UnityEngine.InputSystem.Controls
     public class ButtonControl : InputControl<float>
     {
         public bool isPressed => false;
-
         public bool wasPressedThisFrame => false;
     }
 }

@@ -30,9 +30,7 @@ namespace KtxUnity
     public class ManagedNativeArray : IDisposable
     {
         public ManagedNativeArray(byte[] original) {}
-
         public NativeArray<byte> nativeArray => default(NativeArray<byte>);
-
         public void Dispose() {}
     }
 

@@ -16,16 +16,13 @@ namespace UnityEditor
     public class EditorApplication
     {
         public delegate void CallbackFunction();
-
         public static CallbackFunction update;
     }
 
     public class SceneView
     {
         public static SceneView lastActiveSceneView => null;
-
         public Camera camera => null;
-
         public static void RepaintAll() {}
     }
 
@@ -47,11 +44,8 @@ namespace UnityEditor
     public class Editor
     {
         public UnityEngine.Object target { get; set; }
-
         public virtual void OnInspectorGUI() {}
-
         public virtual bool RequiresConstantRepaint() { return false; }
-
         public bool DrawDefaultInspector() { return false; }
     }
 
@@ -63,9 +57,7 @@ namespace UnityEditor
     public sealed class EditorGUILayout
     {
         public static void HelpBox(string message, MessageType type) {}
-
         public static void LabelField(string label, string label2, params GUILayoutOption[] options) {}
-
         public static void Space() {}
     }
 

@@ -26,13 +26,9 @@ namespace UnityEngine
         }
 
         public static Vector3 up => new Vector3(0, 1, 0);
-
         public float magnitude => (float)System.Math.Sqrt(x * x + y * y + z * z);
-
         public static Vector3 operator +(Vector3 a, Vector3 b) { return new Vector3(a.x + b.x, a.y + b.y, a.z + b.z); }
-
         public static Vector3 operator -(Vector3 a, Vector3 b) { return new Vector3(a.x - b.x, a.y - b.y, a.z - b.z); }
-
         public static Vector3 operator *(Vector3 a, float d) { return new Vector3(a.x * d, a.y * d, a.z * d); }
     }
 
@@ -66,7 +62,6 @@ namespace UnityEngine
         }
 
         public Vector3 center { get; set; }
-
         public Vector3 size { get; set; }
     }
 
@@ -79,14 +74,12 @@ namespace UnityEngine
         }
 
         public Vector3 origin { get; set; }
-
         public Vector3 direction { get; set; }
     }
 
     public struct Mathf
     {
         public static float Abs(float f) { return System.Math.Abs(f); }
-
         public static float Clamp(float value, float min, float max) { return value < min ? min : value > max ? max : value; }
 
         public static float MoveTowards(float current, float target, float maxDelta)

@@ -28,7 +28,6 @@ namespace UnityEngine
         }
 
         public Bounds bounds { get; set; }
-
         public void MarkDynamic() {}
 
         public void Clear()
@@ -38,7 +37,6 @@ namespace UnityEngine
         }
 
         public IndexFormat indexFormat { get; set; }
-
         public void SetVertices(Vector3[] inVertices) { VertexData = inVertices; }
 
         public void SetIndices(int[] indices, MeshTopology topology, int submesh)
@@ -48,7 +46,6 @@ namespace UnityEngine
         }
 
         public void UploadMeshData(bool markNoLongerReadable) {}
-
         public void SetSubMesh(int index, SubMeshDescriptor desc, MeshUpdateFlags flags = MeshUpdateFlags.Default) { SubMesh = desc; }
 
         public void SetIndexBufferData<T>(
@@ -78,25 +75,19 @@ namespace UnityEngine
         public struct MeshDataArray : IDisposable
         {
             internal readonly Buffers Buffers;
-
             internal MeshDataArray(Buffers buffers) { Buffers = buffers; }
-
             public MeshData this[int index] => new MeshData(Buffers);
-
             public void Dispose() {}
         }
 
         public struct MeshData
         {
             private readonly Buffers buffers;
-
             internal MeshData(Buffers buffers) { this.buffers = buffers; }
 
             public int subMeshCount
             {
-                get {
-                    return 1;
-                }
+                get => 1;
                 set {
                 }
             }
@@ -139,7 +130,6 @@ namespace Unity.Collections
         where T : struct
     {
         private readonly T[] elements;
-
         internal NativeArray(T[] elements) { this.elements = elements; }
 
         public static void Copy(T[] src, int srcIndex, NativeArray<T> dst, int dstIndex, int length)

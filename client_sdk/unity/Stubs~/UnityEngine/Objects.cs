@@ -15,9 +15,7 @@ namespace UnityEngine
     public struct EntityId
     {
         private readonly int id;
-
         internal EntityId(int id) { this.id = id; }
-
         public override int GetHashCode() { return id; }
     }
 #endif
@@ -29,7 +27,6 @@ namespace UnityEngine
         private static int lastId;
         private readonly int id = ++lastId;
         private bool isDestroyed;
-
         public Object() { live.Add(this); }
 
         /// <summary>Everything of a type that was made and not destroyed.</summary>
@@ -50,7 +47,6 @@ namespace UnityEngine
         }
 
         public string name { get; set; }
-
         public HideFlags hideFlags { get; set; }
 
 #if UNITY_6000_5_OR_NEWER
@@ -73,11 +69,8 @@ namespace UnityEngine
         }
 
         public static bool operator !=(Object x, Object y) { return !(x == y); }
-
         public override bool Equals(object other) { return this == (other as Object); }
-
         public override int GetHashCode() { return id; }
-
         public static void Destroy(Object obj) { DestroyImmediate(obj); }
 
         public static void DestroyImmediate(Object obj)
@@ -105,20 +98,15 @@ namespace UnityEngine
     public class Component : Object
     {
         public GameObject gameObject { get; internal set; }
-
         public Transform transform => gameObject.transform;
-
         public T GetComponent<T>() { return gameObject.GetComponent<T>(); }
-
         public T[] GetComponents<T>() { return gameObject.GetComponents<T>(); }
-
         public T GetComponentInParent<T>() { return gameObject.GetComponent<T>(); }
     }
 
     public class Behaviour : Component
     {
         public bool enabled { get; set; } = true;
-
         public bool isActiveAndEnabled => enabled && gameObject.activeSelf;
     }
 
@@ -135,7 +123,6 @@ namespace UnityEngine
     public sealed class GameObject : Object
     {
         private readonly List<Component> components = new List<Component>();
-
         public GameObject() : this("") {}
 
         public GameObject(string name)
@@ -145,13 +132,9 @@ namespace UnityEngine
         }
 
         public Transform transform { get; private set; }
-
         public int layer { get; set; }
-
         public bool activeSelf { get; private set; } = true;
-
         public static GameObject CreatePrimitive(PrimitiveType type) { return new GameObject(type.ToString()); }
-
         public void SetActive(bool value) { activeSelf = value; }
 
         public T AddComponent<T>()
@@ -195,36 +178,23 @@ namespace UnityEngine
     public class Transform : Component
     {
         public Transform parent { get; private set; }
-
         public Vector3 position { get; set; }
-
         public Vector3 localPosition { get; set; }
-
         public Quaternion localRotation { get; set; }
-
         public Vector3 localEulerAngles { get; set; }
-
         public Vector3 forward => new Vector3(0, 0, 1);
-
         public Vector3 localScale { get; set; }
-
         public void RotateAround(Vector3 point, Vector3 axis, float angle) {}
-
         public void SetParent(Transform parent, bool worldPositionStays) { this.parent = parent; }
-
         public Vector3 TransformPoint(Vector3 position) { return position + this.position; }
-
         public Vector3 InverseTransformPoint(Vector3 position) { return position - this.position; }
-
         public Vector3 InverseTransformVector(Vector3 vector) { return vector; }
     }
 
     public static class Debug
     {
         public static void Log(object message) { Console.WriteLine(message); }
-
         public static void LogWarning(object message) { Console.WriteLine(message); }
-
         public static void LogWarning(object message, Object context) { Console.WriteLine(message); }
     }
 
@@ -242,7 +212,6 @@ namespace UnityEngine
         }
 
         public static bool isMobilePlatform => false;
-
         public static string unityVersion => "0.0.0 (stubs)";
 
         // Nothing is kept unless a test says where: a run begins as the first one.
@@ -252,7 +221,6 @@ namespace UnityEngine
     public static class Time
     {
         public static float unscaledDeltaTime => 0.02f;
-
         public static float realtimeSinceStartup => Environment.TickCount / 1000f;
     }
 }

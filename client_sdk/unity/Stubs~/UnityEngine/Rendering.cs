@@ -29,11 +29,8 @@ namespace UnityEngine.Rendering
         }
 
         public VertexAttribute attribute { get; set; }
-
         public VertexAttributeFormat format { get; set; }
-
         public int dimension { get; set; }
-
         public int stream { get; set; }
     }
 
@@ -63,15 +60,10 @@ namespace UnityEngine.Rendering
         }
 
         public Bounds bounds { get; set; }
-
         public MeshTopology topology { get; set; }
-
         public int indexStart { get; set; }
-
         public int indexCount { get; set; }
-
         public int firstVertex { get; set; }
-
         public int vertexCount { get; set; }
     }
 
@@ -107,30 +99,20 @@ namespace UnityEngine
     public static class SystemInfo
     {
         public static int processorCount => Environment.ProcessorCount;
-
         public static int graphicsMemorySize => 4096;
-
         public static bool SupportsVertexAttributeFormat(Rendering.VertexAttributeFormat format, int dimension) { return true; }
     }
 
     public class Renderer : Component
     {
         public bool enabled { get; set; } = true;
-
         public Material material { get; set; }
-
         public Material sharedMaterial { get; set; }
-
         public Rendering.ShadowCastingMode shadowCastingMode { get; set; }
-
         public bool receiveShadows { get; set; }
-
         public Rendering.LightProbeUsage lightProbeUsage { get; set; }
-
         public Rendering.ReflectionProbeUsage reflectionProbeUsage { get; set; }
-
         public MotionVectorGenerationMode motionVectorGenerationMode { get; set; }
-
         public bool allowOcclusionWhenDynamic { get; set; }
     }
 
@@ -146,14 +128,12 @@ namespace UnityEngine
     public sealed class Camera : Behaviour
     {
         public static Camera main => null;
-
         public Ray ScreenPointToRay(Vector3 pos) { return new Ray(pos, new Vector3(0, 0, 1)); }
     }
 
     public sealed class Shader : Object
     {
         public bool isSupported => true;
-
         public static int PropertyToID(string name) { return name.GetHashCode(); }
     }
 
@@ -166,23 +146,14 @@ namespace UnityEngine
     public class Material : Object
     {
         private readonly System.Collections.Generic.Dictionary<int, float> floats = new System.Collections.Generic.Dictionary<int, float>();
-
         public Material(Shader shader) {}
-
         public Material(Material source) { renderQueue = source.renderQueue; }
-
         public int renderQueue { get; set; }
-
         public Texture mainTexture { get; set; }
-
         public Vector2 mainTextureScale { get; set; }
-
         public Vector2 mainTextureOffset { get; set; }
-
         public bool HasProperty(int nameID) { return true; }
-
         public bool HasProperty(string name) { return true; }
-
         public void SetFloat(int nameID, float value) { floats[nameID] = value; }
 
         public float GetFloat(int nameID)
@@ -212,13 +183,9 @@ namespace UnityEngine
     public class Texture : Object
     {
         public virtual int width { get; set; }
-
         public virtual int height { get; set; }
-
         public TextureWrapMode wrapMode { get; set; }
-
         public FilterMode filterMode { get; set; }
-
         public int anisoLevel { get; set; }
     }
 
