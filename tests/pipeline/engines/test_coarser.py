@@ -23,7 +23,16 @@ def rough(cells: int, seed: int) -> SegmentMesh:
     positions = mesh.positions.copy()
     positions[:, 1] += rng.normal(0, 0.2, len(positions)).astype(np.float32)
     faces = np.delete(mesh.faces, rng.integers(len(mesh.faces), size=3), axis=0)
-    return replace(mesh, positions=positions, faces=faces)
+    # A corner may have lost its only face: every vertex of a segment is used.
+    used, corners = np.unique(faces, return_inverse=True)
+    return SegmentMesh(
+        positions[used],
+        corners.reshape(-1, 3).astype(np.uint32),
+        mesh.normals[used],
+        mesh.colours[used],
+        mesh.region_ids[used],
+        {"grade": mesh.attributes["grade"][used]},
+    )
 
 
 def through_the_codec(mesh: SegmentMesh) -> SegmentMesh:
