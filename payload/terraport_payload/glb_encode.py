@@ -20,7 +20,7 @@ import numpy as np
 from terraport_payload.colour import srgb_to_linear16
 from terraport_payload.errors import PayloadError
 from terraport_payload.glb_container import join_glb
-from terraport_payload.glb_texture import add_texture, encode_uvs
+from terraport_payload.glb_texture import add_texture
 from terraport_payload.grid import (
     MAX_CODE,
     NULL_CODE,
@@ -30,34 +30,23 @@ from terraport_payload.grid import (
 )
 from terraport_payload.mesh import SegmentMesh
 from terraport_payload.meshcheck import check_mesh
-from terraport_payload.normals import encode_octahedral
 from terraport_payload.order import cache_order
 from terraport_payload.types import AnyArray, Float32, UInt8, UInt16
+from terraport_payload.uv import encode_uvs
 
-__all__ = [
-    "BYTE",
-    "FLOAT",
-    "UNSIGNED_INT",
-    "UNSIGNED_SHORT",
-    "encode_glb",
-    "gltf_attribute_name",
-]
+__all__ = ["encode_glb", "glb_parts", "gltf_attribute_name"]
 
-BYTE: Final = 5120
-UNSIGNED_SHORT: Final = 5123
-UNSIGNED_INT: Final = 5125
-FLOAT: Final = 5126
+_BYTE: Final = 5120
+_UNSIGNED_SHORT: Final = 5123
+_UNSIGNED_INT: Final = 5125
+_FLOAT: Final = 5126
 """glTF component types (section 3.6.2.2)."""
 
 _SHORT_INDEX_VERTICES: Final = 65535
 """Most vertices with 16-bit indices: glTF reserves index 65535 for primitive restart."""
 
-NORMAL_BITS: Final = 7
-"""Bits per octahedral coordinate: within 2.2 degrees (0.7 on average). Eight cost 0.12 bytes a
-triangle more, and the normals of a reconstructed survey are uncertain by several degrees."""
-
-TEXTURED_NORMAL_BITS: Final = 6
-"""Within 4.1 degrees (1.4 on average), 0.13 bytes less: photos hold light and shade already."""
+_NORMAL_BITS: Final = 8
+"""Bits per octahedral coordinate: within 2 degrees once decoded to signed bytes."""
 
 _ZERO_LENGTH: Final = 1e-6
 
@@ -65,8 +54,7 @@ _ZERO_LENGTH: Final = 1e-6
 class _Views:
     """Collects bufferViews and accessors, and the bytes they stand for."""
 
-    def __init__(self, *, compress: bool) -> None:
-        self.compress = compress
+    def __init__(self) -> None:
         self.binary = bytearray()
         self.unpacked_bytes = 0
         self.views: list[dict[str, Any]] = []
@@ -86,31 +74,25 @@ class _Views:
         *filtered* is the codec filter's name and what it made of the rows.
         """
         stride = rows.nbytes // len(rows)
-        view: dict[str, Any] = {
+        raw: bytes = meshopt.encode_gltf_buffer(rows if filtered is None else filtered[1], mode, 0)
+        packed: dict[str, Any] = {
             "buffer": 0,
-            **_offset_entry(len(self.binary)),
+            "byteOffset": len(self.binary),
+            "byteLength": len(raw),
+            "byteStride": stride,
+            "mode": mode,
+            "count": len(rows),
+        }
+        if filtered is not None:
+            packed["filter"] = filtered[0]
+        view: dict[str, Any] = {
+            "buffer": 1,
+            "byteOffset": self.unpacked_bytes,
             "byteLength": rows.nbytes,
+            "extensions": {"EXT_meshopt_compression": packed},
         }
         if mode == "ATTRIBUTES":
             view["byteStride"] = stride
-        raw: bytes
-        if self.compress:
-            raw = meshopt.encode_gltf_buffer(rows if filtered is None else filtered[1], mode, 0)
-            packed: dict[str, Any] = {
-                "buffer": 0,
-                **_offset_entry(len(self.binary)),
-                "byteLength": len(raw),
-                "byteStride": stride,
-                "mode": mode,
-                "count": len(rows),
-            }
-            if filtered is not None:
-                packed["filter"] = filtered[0]
-            view.pop("byteOffset", None)
-            view |= {"buffer": 1, **_offset_entry(self.unpacked_bytes)}
-            view["extensions"] = {"EXT_meshopt_compression": packed}
-        else:
-            raw = rows.tobytes()
         self.binary += raw + bytes(-len(raw) % 4)
         self.unpacked_bytes += rows.nbytes + -rows.nbytes % 4
         self.accessors.append({"bufferView": len(self.views), "count": len(rows), **accessor})
@@ -119,14 +101,9 @@ class _Views:
 
     def add_bytes(self, data: bytes) -> int:
         """Append a file as it is; return its bufferView's number."""
-        self.views.append({"buffer": 0, **_offset_entry(len(self.binary)), "byteLength": len(data)})
+        self.views.append({"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(data)})
         self.binary += data + bytes(-len(data) % 4)
         return len(self.views) - 1
-
-
-def _offset_entry(offset: int) -> dict[str, int]:
-    """Return a view's ``byteOffset``, but 0, the default: JSON is a tenth of a small payload."""
-    return {"byteOffset": offset} if offset else {}
 
 
 def encode_glb(
@@ -134,7 +111,7 @@ def encode_glb(
     *,
     step_m: float,
     attribute_scales: Mapping[str, AttributeScale],
-    compress: bool = True,
+    unlit: bool = False,
     keep_face_order: bool = False,
 ) -> bytes:
     """Encode a mesh as GLB.
@@ -149,12 +126,11 @@ def encode_glb(
         keeps float32 positions, still rounded.
     attribute_scales : mapping of str to AttributeScale
         The scene's scale of every attribute of the mesh, by the survey's name; more are ignored.
-    compress : bool, optional
-        False writes plain quantised buffers, about three times larger, readable without meshopt.
+    unlit : bool, optional
+        Have the colours shown as they are, without any light.
     keep_face_order : bool, optional
         Keep faces in their order, so that a table by face number (the cover) stays right. A face's
-        corners may still be rotated. Costs up to half as many bytes again, unless the faces were
-        put in order by :func:`~terraport_payload.order.order_for_cache` before.
+        corners may still be rotated.
 
     Returns
     -------
@@ -168,6 +144,25 @@ def encode_glb(
         become the same glTF name, step_m is not a power of two, or a position lies outside the
         grid.
     """
+    document, binary = glb_parts(
+        mesh,
+        step_m=step_m,
+        attribute_scales=attribute_scales,
+        unlit=unlit,
+        keep_face_order=keep_face_order,
+    )
+    return join_glb(document, binary)
+
+
+def glb_parts(
+    mesh: SegmentMesh,
+    *,
+    step_m: float,
+    attribute_scales: Mapping[str, AttributeScale],
+    unlit: bool = False,
+    keep_face_order: bool = False,
+) -> tuple[dict[str, Any], bytes]:
+    """Make the glTF document and the BIN chunk of a mesh; arguments and errors as encode_glb's."""
     # Invariant: every array goes through `order`, so that row i of all of them is the same vertex.
     # (1) The scene's grid, and the order that caches and the codec like.
     check_mesh(mesh)
@@ -175,7 +170,7 @@ def encode_glb(
     faces, order = cache_order(mesh, keep_face_order=keep_face_order)
     codes = codes[order]
     low = codes.min(axis=0)
-    out = _Views(compress=compress)
+    out = _Views()
     node: dict[str, Any] = {"mesh": 0}
     attributes: dict[str, int] = {}
 
@@ -188,7 +183,7 @@ def encode_glb(
         attributes["POSITION"] = out.add(
             local,
             {
-                "componentType": UNSIGNED_SHORT,
+                "componentType": _UNSIGNED_SHORT,
                 "type": "VEC3",
                 "min": local[:, :3].min(axis=0).tolist(),
                 "max": local[:, :3].max(axis=0).tolist(),
@@ -200,38 +195,36 @@ def encode_glb(
         attributes["POSITION"] = out.add(
             wide,
             {
-                "componentType": FLOAT,
+                "componentType": _FLOAT,
                 "type": "VEC3",
                 "min": wide.min(axis=0).tolist(),
                 "max": wide.max(axis=0).tolist(),
             },
-            filtered=_exponential(wide) if compress else None,
+            filtered=_exponential(wide),
         )
 
     # (3) Normals, and colour as vertex colours or texture coordinates.
-    bits = NORMAL_BITS if mesh.texture is None else TEXTURED_NORMAL_BITS
-    normals = _unit(mesh.normals[order])
-    signed = np.zeros((len(normals), 4), dtype=np.int8)
-    signed[:, :3] = np.rint(normals * 127.0)
+    normals = np.zeros((len(codes), 4), dtype=np.float32)
+    normals[:, :3] = _unit(mesh.normals[order])
     attributes["NORMAL"] = out.add(
-        signed,
-        {"componentType": BYTE, "normalized": True, "type": "VEC3"},
-        filtered=("OCTAHEDRAL", encode_octahedral(normals, bits)) if compress else None,
+        np.zeros((len(codes), 4), dtype=np.int8),
+        {"componentType": _BYTE, "normalized": True, "type": "VEC3"},
+        filtered=("OCTAHEDRAL", meshopt.encode_filter_oct(normals, 4, _NORMAL_BITS)),
     )
     if mesh.colours is not None:
         linear = np.full((len(order), 4), 65535, dtype="<u2")
         linear[:, :3] = srgb_to_linear16(mesh.colours[order])
         attributes["COLOR_0"] = out.add(
             linear,
-            {"componentType": UNSIGNED_SHORT, "normalized": True, "type": "VEC4"},
+            {"componentType": _UNSIGNED_SHORT, "normalized": True, "type": "VEC4"},
         )
     if mesh.uvs is not None and mesh.texture is not None:
         attributes["TEXCOORD_0"] = out.add(
             encode_uvs(mesh.uvs[order], mesh.texture.width, mesh.texture.height),
-            {"componentType": UNSIGNED_SHORT, "type": "VEC2"},
+            {"componentType": _UNSIGNED_SHORT, "type": "VEC2"},
         )
     # (4) Region ids and the survey's attributes, each two bytes in a row of four.
-    scalar = {"componentType": UNSIGNED_SHORT, "type": "SCALAR"}
+    scalar = {"componentType": _UNSIGNED_SHORT, "type": "SCALAR"}
     primitive: dict[str, Any] = {"attributes": attributes, "indices": 0, "material": 0}
     if mesh.region_ids is not None:
         attributes["_FEATURE_ID_0"] = out.add(_padded(mesh.region_ids[order]), dict(scalar))
@@ -274,15 +267,15 @@ def encode_glb(
     short = len(order) <= _SHORT_INDEX_VERTICES
     primitive["indices"] = out.add(
         np.ascontiguousarray(faces.reshape(-1), dtype="<u2" if short else "<u4"),
-        {"componentType": UNSIGNED_SHORT if short else UNSIGNED_INT, "type": "SCALAR"},
+        {"componentType": _UNSIGNED_SHORT if short else _UNSIGNED_INT, "type": "SCALAR"},
         mode="TRIANGLES",
     )
     # The image comes last: a reader that streams has the geometry first.
     image = None if mesh.texture is None else out.add_bytes(mesh.texture.data)
-    document = _document(node, primitive, table, step_m, out)
+    document = _document(node, primitive, table, step_m, out, unlit=unlit)
     if mesh.texture is not None and image is not None:
         add_texture(document, mesh.texture, image)
-    return join_glb(document, bytes(out.binary))
+    return document, bytes(out.binary)
 
 
 def gltf_attribute_name(name: str) -> str:
@@ -340,18 +333,18 @@ def _document(
     table: list[dict[str, Any]],
     step_m: float,
     out: _Views,
+    *,
+    unlit: bool,
 ) -> dict[str, Any]:
-    used = ["KHR_mesh_quantization"]
-    buffers: list[dict[str, Any]] = [{"byteLength": len(out.binary)}]
-    if out.compress:
-        used.append("EXT_meshopt_compression")
-        buffers.append(
-            {
-                "byteLength": out.unpacked_bytes,
-                "extensions": {"EXT_meshopt_compression": {"fallback": True}},
-            }
-        )
-    required = list(used)
+    required = ["KHR_mesh_quantization", "EXT_meshopt_compression"]
+    used = list(required)
+    # Roughness is 1 by default. Double-sided: a reconstructed survey is an open sheet. Culled back
+    # faces would make its rims and the inside of overhangs vanish when seen from behind, which in
+    # VR reads as a hole in the world.
+    material: dict[str, Any] = {"pbrMetallicRoughness": {"metallicFactor": 0}, "doubleSided": True}
+    if unlit:
+        material["extensions"] = {"KHR_materials_unlit": {}}
+        used.append("KHR_materials_unlit")
     if "extensions" in primitive:
         used.append("EXT_mesh_features")
     ours: dict[str, Any] = {"step_m": step_m}
@@ -365,14 +358,14 @@ def _document(
         "scenes": [{"nodes": [0]}],
         "nodes": [node],
         "meshes": [{"primitives": [primitive], "extras": {"terraport": ours}}],
-        # Double-sided: a reconstructed survey is an open sheet. Culled back faces would make its
-        # rims and the inside of overhangs vanish when seen from behind, which in VR reads as a hole
-        # in the world.
-        "materials": [
-            # Roughness is 1 by default.
-            {"pbrMetallicRoughness": {"metallicFactor": 0}, "doubleSided": True}
-        ],
+        "materials": [material],
         "accessors": out.accessors,
         "bufferViews": out.views,
-        "buffers": buffers,
+        "buffers": [
+            {"byteLength": len(out.binary)},
+            {
+                "byteLength": out.unpacked_bytes,
+                "extensions": {"EXT_meshopt_compression": {"fallback": True}},
+            },
+        ],
     }

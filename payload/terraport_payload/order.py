@@ -1,4 +1,4 @@
-"""Vertex and face orders for GPU caches and for the codec, by meshoptimizer.
+"""Vertex and face order of a GLB for GPU caches and for the codec, by meshoptimizer.
 
 This work is based on: P. V. Sander, D. Nehab, J. Barczak, "Fast Triangle Reordering for Vertex
 Locality and Reduced Overdraw", 2007, as implemented in meshoptimizer (``optimizeVertexCacheStrip``,
@@ -15,7 +15,7 @@ import numpy as np
 from terraport_payload.mesh import SegmentMesh
 from terraport_payload.types import Int64, UInt32
 
-__all__ = ["cache_order", "order_for_cache"]
+__all__ = ["cache_order"]
 
 
 def cache_order(mesh: SegmentMesh, *, keep_face_order: bool) -> tuple[UInt32, Int64]:
@@ -45,44 +45,3 @@ def cache_order(mesh: SegmentMesh, *, keep_face_order: bool) -> tuple[UInt32, In
     order = np.zeros(len(remap), dtype=np.int64)
     order[remap] = np.arange(len(remap))
     return faces.reshape(-1, 3), order
-
-
-def order_for_cache(faces: UInt32) -> Int64:
-    """Put faces in the order that GPU vertex caches and the index codec like.
-
-    For meshes that something else refers to by face number: order the faces with this, then number
-    them, then encode with ``keep_face_order=True`` at no loss of size.
-
-    Parameters
-    ----------
-    faces : ndarray of shape (F, 3), uint32
-        Vertex indices.
-
-    Returns
-    -------
-    ndarray of shape (F,), int64
-        Permutation: ``faces[result]`` is the new order.
-
-    Notes
-    -----
-    meshoptimizer returns faces, not their numbers, and may rotate corners: faces are matched by
-    their rotated corners, and equal faces (duplicates) by their old order.
-
-    Examples
-    --------
-    >>> order_for_cache(np.array([[0, 1, 2], [2, 1, 3]], dtype=np.uint32)).tolist()
-    [0, 1]
-    """
-    flat = np.ascontiguousarray(faces, dtype=np.uint32).reshape(-1)
-    ordered, remap, _ = meshopt.reorder_mesh(flat, True, True)
-    wanted = _rotated(ordered.reshape(-1, 3))
-    given = _rotated(remap[flat].reshape(-1, 3))
-    result = np.zeros(len(faces), dtype=np.int64)
-    result[np.lexsort(wanted.T)] = np.lexsort(given.T)
-    return result
-
-
-def _rotated(faces: UInt32) -> UInt32:
-    """Rotate each face so that its smallest corner comes first; winding stays."""
-    first = np.argmin(faces, axis=1)
-    return np.take_along_axis(faces, (first[:, None] + np.arange(3)) % 3, axis=1)

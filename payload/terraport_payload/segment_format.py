@@ -19,7 +19,6 @@ from typing import Final
 import numpy as np
 
 from terraport_payload.errors import PayloadError
-from terraport_payload.glb_texture import decode_uvs, encode_uvs
 from terraport_payload.grid import (
     MAX_STEPS,
     AttributeScale,
@@ -41,6 +40,7 @@ from terraport_payload.types import (
     UInt16,
     UInt32,
 )
+from terraport_payload.uv import decode_uvs, encode_uvs
 
 __all__ = [
     "MAX_ATTRIBUTES",
@@ -208,7 +208,7 @@ def decode_segment(
         colours = coded[:, [1, 0, 2]] + coded[:, [0, 0, 0]] * np.array([1, 0, 1], np.uint8)
     if flags & _UVS:
         texture = Texture(image, _IMAGES[kind - 1], width, height)
-        uvs = decode_uvs(planes.rows(vertices, 2, 2), (0.5 / width, 0.5 / height))
+        uvs = decode_uvs(planes.rows(vertices, 2, 2), width, height)
     if flags & _REGIONS:
         regions = planes.differences(vertices, 2)
     elif region != _NO_REGION:

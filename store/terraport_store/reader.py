@@ -306,9 +306,12 @@ class Scene:
         data = self.payload(segment_id, recheck=recheck)
         return decode_segment(data, scales=self.manifest.scales)
 
-    def glb(self, segment_id: int) -> bytes:
-        """Make a GLB of one segment, for programs that know glTF; errors as for :meth:`mesh`."""
-        return self._as_glb(self.mesh(segment_id))
+    def glb(self, segment_id: int, *, unlit: bool = False) -> bytes:
+        """Make a GLB of one segment, for programs that know glTF; errors as for :meth:`mesh`.
+
+        Where it is *unlit*, its colours are shown without any light, as all content of a tileset.
+        """
+        return self._as_glb(self.mesh(segment_id), unlit=unlit)
 
     def file_mesh(self, key: str) -> SegmentMesh:
         """Read and decode the base or the overview.
@@ -469,11 +472,14 @@ class Scene:
     ) -> None:
         self.close()
 
-    def _as_glb(self, mesh: SegmentMesh, *, keep_face_order: bool = False) -> bytes:
+    def _as_glb(
+        self, mesh: SegmentMesh, *, unlit: bool = False, keep_face_order: bool = False
+    ) -> bytes:
         return encode_glb(
             mesh,
             step_m=self.manifest.step_m,
             attribute_scales=self.manifest.scales,
+            unlit=unlit,
             keep_face_order=keep_face_order,
         )
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from glb_file import read_glb
 from payload.images import png
 from store.tiny_scene import CELLS, SCALES, STEP_M, lattice_mesh
 
@@ -16,7 +17,7 @@ from terraport.cache import CachedSegment
 from terraport.errors import MissingExtraError, ProtocolViolationError, UsageError
 from terraport.landing import Segment
 from terraport.mesh import concatenate, mixed_model, to_trimesh, write_glb
-from terraport_payload import SegmentMesh, Texture, decode_glb, encode_segment
+from terraport_payload import SegmentMesh, Texture, encode_segment
 
 
 @pytest.fixture
@@ -139,7 +140,7 @@ def test_a_written_glb_comes_back_on_the_grid(tmp_path: Path, base: BaseMesh) ->
     path = tmp_path / "here.glb"
     size = write_glb(model, path, step_m=STEP_M, attribute_scales=SCALES)
     assert size == path.stat().st_size
-    read = decode_glb(path.read_bytes())
+    read = read_glb(path.read_bytes())
     assert len(read.faces) == len(model.faces)
     read_back, written = np.sort(read.positions, axis=0), np.sort(model.positions, axis=0)
     np.testing.assert_allclose(read_back, written, rtol=0, atol=STEP_M)

@@ -14,10 +14,10 @@ from urllib.request import urlopen
 
 import httpx
 import pytest
+from glb_file import split_glb
 from server.grid_scene import GridScene, write_grid_scene
 from server.plain_client import PlainClient
 
-from terraport_payload.glb_container import split_glb
 from terraport_server import BackgroundServer
 from terraport_store import Scene, change_labels
 from terraport_store.labels import parse_labels
@@ -211,7 +211,7 @@ def test_the_base_as_glb(http: httpx.Client, grid: GridScene) -> None:
     with Scene.open(grid.path) as scene:
         base = scene.file_mesh(BASE)
         assert answer.content == scene.file_glb(BASE)
-    document, _, _ = split_glb(answer.content)
+    document, _ = split_glb(answer.content)
     count = document["accessors"][document["meshes"][0]["primitives"][0]["indices"]]["count"]
     assert count == 3 * len(base.faces)
     again = http.get("/scenes/grid/base.glb", headers={"If-None-Match": answer.headers["etag"]})

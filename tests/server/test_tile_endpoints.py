@@ -11,8 +11,8 @@ from typing import Any
 
 import httpx
 import pytest
+from glb_file import split_glb
 
-from terraport_payload.glb_container import split_glb
 from terraport_server import BackgroundServer
 from terraport_server.scenes import tileset as tile_desk
 from terraport_server.scenes.served_scene import ServedScene
@@ -53,7 +53,7 @@ def test_every_address_of_the_tileset_answers(http: httpx.Client) -> None:
             assert content.status_code == 200
             assert content.headers["content-type"] == "model/gltf-binary"
             assert "immutable" in content.headers["cache-control"]
-            document, binary, _ = split_glb(content.content)
+            document, binary = split_glb(content.content)
             for material in document["materials"]:
                 assert "KHR_materials_unlit" in material["extensions"], uri
             assert "KHR_materials_unlit" in document["extensionsUsed"]

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from glb_file import read_glb
 from server.grid_scene import STEP_M, GridScene
 
 from terraport import sync
 from terraport.cli import app
-from terraport_payload import decode_glb
 from terraport_server import BackgroundServer
 
 
@@ -123,7 +123,7 @@ def test_glb_and_png_show_base_and_detail(
     assert shown.returncode == 0, shown.stderr
     facts = json.loads(shown.stdout)
     count = facts["landings"][0]["load_segments"]
-    model = decode_glb(glb.read_bytes())
+    model = read_glb(glb.read_bytes())
     assert len(model.faces) == 72 - 2 * count + facts["landings"][0]["total_triangles"]
     flat = model.positions * np.array([1, 0, 1])
     a, b, c = (flat[model.faces[:, corner]].astype(float) for corner in range(3))

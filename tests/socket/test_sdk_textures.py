@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 import trimesh
+from glb_file import read_glb
 from payload.images import pillow
 from store.tiny_scene import TinyScene, write_tiny_scene
 
 import terraport
 from terraport.cli import app
-from terraport_payload import Texture, decode_glb
+from terraport_payload import Texture
 from terraport_server import BackgroundServer
 
 
@@ -57,7 +58,7 @@ def test_a_landing_is_written_with_its_texture(
                 prog_name="terraport",
             )  # fmt: skip
         assert not exit_.value.code, capsys.readouterr().err
-    mesh = decode_glb((tmp_path / "a.glb").read_bytes())
+    mesh = read_glb((tmp_path / "a.glb").read_bytes())
     assert mesh.texture is not None
     loaded = trimesh.load(io.BytesIO((tmp_path / "a.obj").read_bytes()), file_type="obj")
     assert len(loaded.faces) == len(mesh.faces)

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from glb_file import read_glb, split_glb
 from numpy.testing import assert_allclose, assert_array_equal
 
-from terraport_payload import Cover, SegmentMesh, decode_glb
-from terraport_payload.glb_container import split_glb
+from terraport_payload import Cover, SegmentMesh
 from terraport_store import CrsInfo, Scene
 from terraport_store.layout import BASE
 from terraport_store.tiles.base_image import BaseImage
@@ -56,7 +56,7 @@ class Tiled:
     def content(self, uri: str) -> SegmentMesh:
         folder, number = uri.removesuffix(".glb").split("/")
         if folder == "base":
-            return decode_glb(whole(self.parts[int(number)]))
+            return read_glb(whole(self.parts[int(number)]))
         return self.scene.mesh(int(number))
 
 
@@ -64,7 +64,7 @@ def whole(tile: bytes) -> bytes:
     """A tile as our own reader takes it: with its codes of attributes as they are."""
     from terraport_payload.glb_container import join_glb
 
-    document, binary, _ = split_glb(tile)
+    document, binary = split_glb(tile)
     document["meshes"][0]["extras"] = {"terraport": {"step_m": 1.0}}
     names = document["meshes"][0]["primitives"][0]["attributes"]
     for name in [name for name in names if name.startswith("_") and "FEATURE" not in name]:
@@ -179,7 +179,7 @@ def test_parts_have_the_bases_triangles_bit_by_bit(tiled: Tiled) -> None:
         return rows[np.lexsort(rows.T)]
 
     for faces, part in zip(tiled.tiles.parts, tiled.parts, strict=True):
-        mesh = decode_glb(whole(part))
+        mesh = read_glb(whole(part))
         assert_array_equal(triangles(mesh, mesh.faces), triangles(base, base.faces[faces]))
 
 
@@ -200,7 +200,7 @@ def test_parts_show_the_bases_colours(tiled: Tiled) -> None:
 
     base = tiled.tiles.base
     for faces, part in zip(tiled.tiles.parts, tiled.parts, strict=True):
-        mesh = decode_glb(whole(part))
+        mesh = read_glb(whole(part))
         assert mesh.texture is not None
         assert mesh.texture.width * mesh.texture.height < 2048 * 2048
         used = np.unique(base.faces[faces])
@@ -296,7 +296,7 @@ def test_faces_that_no_segment_covers_never_go() -> None:
 def test_regions_without_a_name_have_no_column_of_names(tiled: Tiled) -> None:
     rows = tiled.scene.regions["regions"]
     facts = TileFacts.of(tiled.manifest, rows, [""] * len(rows))
-    document, _, _ = split_glb(encode_tile(tiled.scene.mesh(5), facts))
+    document, _ = split_glb(encode_tile(tiled.scene.mesh(5), facts))
     metadata = document["extensions"]["EXT_structural_metadata"]
     (table,) = metadata["propertyTables"]
     assert set(metadata["schema"]["classes"]["region"]["properties"]) - set(
@@ -310,7 +310,7 @@ def test_regions_and_attributes_are_named(tiled: Tiled) -> None:
     labels = [f"ground {number}" for number in range(tiled.manifest.counts.regions)]
     rows = tiled.scene.regions["regions"]
     mesh = tiled.scene.mesh(5)
-    document, binary, _ = split_glb(encode_tile(mesh, TileFacts.of(tiled.manifest, rows, labels)))
+    document, binary = split_glb(encode_tile(mesh, TileFacts.of(tiled.manifest, rows, labels)))
     metadata = document["extensions"]["EXT_structural_metadata"]
     (table,) = metadata["propertyTables"]
     here = np.unique(mesh.region_ids)

@@ -22,7 +22,6 @@ from terraport_server.http.responses import (
 from terraport_server.logging import log
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_store import StoreError
-from terraport_store.tiles.tile_glb import unlit_glb
 
 __all__ = ["tile_routes"]
 
@@ -91,7 +90,7 @@ async def get_unlit_segment(
     if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     with segment_faults(service, served, number):
-        data = unlit_glb(await served.payloads.glb(number))
+        data = await served.payloads.glb(number, unlit=True)
     return Response(data, media_type="model/gltf-binary", headers=headers)
 
 

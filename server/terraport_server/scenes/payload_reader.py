@@ -176,7 +176,7 @@ class PayloadReader:
         self._scene.expect(first, encoding)
         return int(self._scene.index_for(encoding).length[first].sum())
 
-    async def glb(self, segment: int) -> bytes:
+    async def glb(self, segment: int, *, unlit: bool = False) -> bytes:
         """Return a segment as GLB, made in a reader thread; its hash is compared first.
 
         Cancelling it leaves the thread to finish.
@@ -188,7 +188,7 @@ class PayloadReader:
         OSError
             When the disk fails.
         """
-        work = partial(self._scene.glb, segment)
+        work = partial(self._scene.glb, segment, unlit=unlit)
         return await asyncio.shield(self._run(segment, ENCODING, work))
 
     def reject(self, segment: int, client: str) -> None:

@@ -15,16 +15,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from terraport_payload import AttributeScale, SegmentMesh, encode_glb
-from terraport_payload.glb_container import join_glb, split_glb
+from terraport_payload import AttributeScale, SegmentMesh
+from terraport_payload.glb_container import join_glb
+from terraport_payload.glb_encode import glb_parts
 from terraport_payload.grid import NULL_CODE
 from terraport_payload.types import AnyArray, Int64
 from terraport_store.manifest import Manifest
 
-__all__ = ["TileFacts", "encode_tile", "unlit_glb"]
+__all__ = ["TileFacts", "encode_tile"]
 
 _EXTENSION: Final = "EXT_structural_metadata"
-_UNLIT: Final = "KHR_materials_unlit"
 
 _FACTS: Final = (
     ("area_m2", "Area of its surface, square metres"),
@@ -139,10 +139,12 @@ def encode_tile(mesh: SegmentMesh, facts: TileFacts) -> bytes:
     if mesh.region_ids is not None:
         here, local = np.unique(mesh.region_ids, return_inverse=True)
         mesh = replace(mesh, region_ids=local.reshape(-1).astype(np.uint16))
-    document, view, _ = split_glb(
-        encode_glb(mesh, step_m=facts.step_m, attribute_scales=facts.scales)
+    # Unlit: a survey's colours contain its light, and become dark if lit again. All content of a
+    # tileset must agree, else full detail and base differ in brightness.
+    document, encoded = glb_parts(
+        mesh, step_m=facts.step_m, attribute_scales=facts.scales, unlit=True
     )
-    binary = bytearray(view)
+    binary = bytearray(encoded)
     primitive = document["meshes"][0]["primitives"][0]
     used: dict[str, Any] = {}
     # (1) The regions that the mesh has, by the numbers that its vertices now have.
@@ -175,37 +177,10 @@ def encode_tile(mesh: SegmentMesh, facts: TileFacts) -> bytes:
     if used:
         document["extensionsUsed"].append(_EXTENSION)
         document["extensions"] = {_EXTENSION: {"schema": facts.schema, **used}}
-    # (3) Unlit materials.
-    _make_unlit(document)
-    # Other tools need none of ours, and codes that are said to be normalised are not ours.
+    # (3) Other tools need none of ours, and codes that are said to be normalised are not ours.
     del document["meshes"][0]["extras"]
     document["buffers"][0]["byteLength"] = len(binary)
     return join_glb(document, bytes(binary))
-
-
-def unlit_glb(glb: bytes | memoryview) -> bytes:
-    """Return a GLB with unlit materials, as in all content of a tileset; nothing else changes.
-
-    Raises
-    ------
-    PayloadError
-        It is not a GLB.
-    """
-    document, binary, _ = split_glb(glb)
-    _make_unlit(document)
-    return join_glb(document, bytes(binary))
-
-
-def _make_unlit(document: dict[str, Any]) -> None:
-    """Mark materials as unlit: a survey's colours contain its light, and become dark if lit again.
-
-    All content of a tileset must agree, else full detail and base differ in brightness.
-    """
-    for material in document.get("materials", ()):
-        material.setdefault("extensions", {})[_UNLIT] = {}
-    used = document.setdefault("extensionsUsed", [])
-    if _UNLIT not in used:
-        used.append(_UNLIT)
 
 
 def _column(

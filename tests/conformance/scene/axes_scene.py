@@ -56,7 +56,7 @@ FOOT: Final = np.array([1.5, 0.5, 0.0])
 
 
 def write_axes_scene(path: Path) -> Manifest:
-    """Publish the scene; the same bytes on every run of one meshoptimizer."""
+    """Publish the scene; the same bytes on every run of one zlib."""
     meshes = axes_meshes()
     with SceneWriter(path) as writer:
         for region, mesh in enumerate(meshes):

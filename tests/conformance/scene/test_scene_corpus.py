@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from conformance.scene.axes_scene import NAMES, board_picture
 
-from terraport_payload import AttributeScale, Cover, PayloadError, decode_glb, decode_segment
+from terraport_payload import AttributeScale, Cover, PayloadError, decode_segment
 from terraport_payload.texture import gpu_texture_bytes
 from terraport_store import DamagedSceneError, Scene, read_names, validate_scene
 from terraport_store.layout import BASE
@@ -24,13 +24,11 @@ SCENES = ("tiny", "tiny-textured", "tiny-base-image", "tiny-changed", "axes")
 an attribute, and one to see axes by."""
 DAMAGED = json.loads((HERE / "damaged.json").read_text())
 COVERS = sorted((HERE / "cover").glob("*.cover"))
-PAYLOADS = sorted(p for p in (HERE / "payload").iterdir() if p.suffix != ".json")
+PAYLOADS = sorted((HERE / "payload").glob("*.tsg"))
 
 
 def decode(path: Path) -> Any:
     data = path.read_bytes()
-    if path.suffix == ".glb":
-        return decode_glb(data)
     scales = expected_of(path)["scales"]
     return decode_segment(
         data, scales={scale.pop("name"): AttributeScale(**scale) for scale in scales}
@@ -228,6 +226,6 @@ def test_cover(path: Path) -> None:
 
 
 def test_every_payload_has_its_pair() -> None:
-    texts = {p.name.removesuffix(".json") for p in (HERE / "payload").glob("*.json")}
+    texts = {p.name.removesuffix(".json") for p in (HERE / "payload").glob("*.tsg.json")}
     assert texts == {p.name for p in PAYLOADS}
     assert sum(expected_of(path)["good"] for path in PAYLOADS) >= 6

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import rasterio
 import trimesh
+from glb_file import split_glb
 from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 from pyproj import CRS
 from textured_square import SIDE_M, quadrants, write_square
 
-from terraport_payload.glb_container import split_glb
 from terraport_pipeline.engines.gltf_validator import check_gltf
 from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.export import gathered
@@ -77,7 +77,7 @@ def test_the_shift_stands_in_every_file_too(scene_path, tmp_path) -> None:
     line = b"global shift (add to x y z): 500000.000 6000000.000 120.000"
     assert line in (tmp_path / "pit.ply").read_bytes()[:600]
     assert line in (tmp_path / "pit.obj").read_bytes()[:600]
-    document, _, _ = split_glb((tmp_path / "pit.glb").read_bytes())
+    document, _ = split_glb((tmp_path / "pit.glb").read_bytes())
     extras = document["asset"]["extras"]
     assert extras["global_shift"] == [EAST, NORTH, HEIGHT]
     assert CRS.from_wkt(extras["crs"]).to_epsg() == 32633
@@ -105,7 +105,7 @@ def test_colours_come_along(scene_path, detail, tmp_path) -> None:
         colours = np.asarray(mesh.visual.vertex_colors)[order, :3].astype(int)
         assert np.abs(colours - detail.colours[before]).max() <= 1
     export(scene_path, tmp_path / "pit.glb")
-    document, binary, _ = split_glb((tmp_path / "pit.glb").read_bytes())
+    document, binary = split_glb((tmp_path / "pit.glb").read_bytes())
     primitive = document["meshes"][0]["primitives"][0]
     accessor = document["accessors"][primitive["attributes"]["COLOR_0"]]
     view = document["bufferViews"][accessor["bufferView"]]
@@ -200,7 +200,7 @@ def test_textures_come_along_as_they_are(square, tmp_path) -> None:
     assert [file.read_bytes() for file in files] == [image]
     assert f"map_Kd sq_textures/{files[0].name}" in (tmp_path / "sq.mtl").read_text()
     export(scene, tmp_path / "sq.glb")
-    document, binary, _ = split_glb((tmp_path / "sq.glb").read_bytes())
+    document, binary = split_glb((tmp_path / "sq.glb").read_bytes())
     view = document["bufferViews"][document["images"][0]["bufferView"]]
     assert bytes(binary[view["byteOffset"] :][: view["byteLength"]]) == image
     assert "extensionsUsed" not in document

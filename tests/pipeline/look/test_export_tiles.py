@@ -9,8 +9,8 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from glb_file import split_glb
 
-from terraport_payload.glb_container import split_glb
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.export.hand_on import ExportRequest, export_scene
 from terraport_pipeline.export.products import product_of
