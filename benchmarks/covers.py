@@ -81,7 +81,7 @@ def facts(cover: Cover, base_bytes: int) -> dict[str, str]:
     return {
         "base faces": f"{cover.base_faces:,}",
         "entries": f"{len(cover.segments):,}",
-        "base.glb, bytes": f"{base_bytes:,}",
+        "base.tsg, bytes": f"{base_bytes:,}",
         **{name: f"{size:,}" for name, size in sizes.items()},
         "steps: write, read (Python), ms": f"{write_ms:.1f}, {read_ms:.1f}",
     }

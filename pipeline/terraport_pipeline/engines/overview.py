@@ -22,7 +22,7 @@ from terraport_pipeline.geometry.segments.strip_order import strip_order
 __all__ = ["MAX_FACES", "MIN_BASE_BYTES", "overview_of", "overview_payload"]
 
 MAX_FACES: Final = 20_000
-"""120 to 160 kB with colours and regions: the page itself has twice as many."""
+"""80 to 110 kB with colours and regions: the page itself has three times as many."""
 
 MIN_BASE_BYTES: Final = 256 << 10
 """A smaller base is there as soon as its overview would be, and has none."""

@@ -164,7 +164,7 @@ def publish_scene(
             base.colours,
         )
         writer.set_base(
-            encode_segment(level, step_m=STEP_M, scales={}),
+            encode_segment(level, step_m=STEP_M, scales={}, may_be_wide=True),
             Cover(model.cover_offsets.astype(np.uint32), model.cover_segments.astype(np.uint32)),
         )
         writer.set_regions(regions or {"regions": [{"id": 0}, {"id": 1}]})

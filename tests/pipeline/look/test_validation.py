@@ -12,7 +12,8 @@ from terraport_pipeline.engines import gltf_validator
 from terraport_pipeline.engines.gltf_validator import GltfCheck, GltfMessage
 from terraport_pipeline.validate.handoff_report import HandOffOptions
 from terraport_pipeline.validate.validation import ValidationOptions, validate
-from terraport_store import SceneNotFoundError
+from terraport_store import Scene, SceneNotFoundError
+from terraport_store.layout import BASE
 
 QUICK = ValidationOptions(HandOffOptions(4_000, 10))
 
@@ -89,9 +90,9 @@ def test_a_named_folder_without_the_package_is_said(monkeypatch, tmp_path) -> No
 
 
 def test_khronos_finds_what_is_wrong(scene_path, tmp_path) -> None:
-    check = gltf_validator.check_gltf(
-        {"base": next(scene_path.glob("v-*/base.tsg")).read_bytes(), "broken": b"glTF" + bytes(30)}
-    )
+    with Scene.open(scene_path) as scene:
+        base = scene.file_glb(BASE)
+    check = gltf_validator.check_gltf({"base": base, "broken": b"glTF" + bytes(30)})
     if check.not_run:
         pytest.skip(check.not_run)
     assert check.checked == 2
