@@ -236,6 +236,12 @@ def shifted(mesh: SegmentMesh) -> SegmentMesh:
             {"payload-region", "region"},
         ),
         (lambda mesh: encode(mesh, step_m=2.0**-14), {"grid", "payload-bounds"}),
+        (
+            lambda mesh: encode(
+                replace(mesh, positions=mesh.positions * np.float32(64)), may_be_wide=True
+            ),
+            {"payload-bounds", "wide"},
+        ),
         (lambda _: b"glTF, or so it says", {"payload-decode"}),
     ],
 )
