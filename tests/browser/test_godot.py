@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import itertools
 import json
 import random
 import time
@@ -359,6 +360,19 @@ def test_landings_look_as_in_the_viewer(
     # A picture of another place is found; so is one that is a little darker.
     assert apart(pictures[0], pictures[2]).mean > 2.0
     assert apart(pictures[0], ((pictures[0][0] * 0.97).astype(np.uint8), pictures[0][1])).mean > 2.0
+
+
+def test_every_look_is_drawn(godot: Engine, server: Service) -> None:
+    """Regions, segments, attribute and slope differ from each other and from the ground lit."""
+    pictures = []
+    for lit in (False, True):
+        godot.open(server.url, SMALL, attribute="grade", lit=lit)
+        godot.land(*PLACES[0])
+        for look in range(1 if lit else 5):
+            godot.call("set_look", look)
+            pictures.append(godot.picture((0.0, 60.0, 60.0), 0.0, -45.0).astype(int))
+    for one, other in itertools.combinations(pictures, 2):
+        assert np.abs(one - other).mean() > 5
 
 
 def test_the_example_walks(godot: Engine, grids: Service) -> None:

@@ -63,9 +63,6 @@ class Landing:
 var version := ""
 ## The server has said welcome on the present connection.
 var is_open := false
-var has_unsent_landing: bool:
-	get:
-		return is_open and not _open.is_empty() and _open.back().generation == 0
 ## What the newest complete landing shows.
 var shown_keys := PackedInt64Array()
 var hidden := PackedByteArray()
@@ -187,7 +184,7 @@ func pick(origin: PackedFloat64Array, direction := PackedFloat64Array()) -> int:
 func messages_to_send() -> Array[Dictionary]:
 	var messages := _outbox
 	_outbox = []
-	if has_unsent_landing:
+	if is_open and not _open.is_empty() and _open.back().generation == 0:
 		messages.append(_land_message(_open.back()))
 	return messages
 

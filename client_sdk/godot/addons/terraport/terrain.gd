@@ -317,12 +317,11 @@ func fetch_json(name: String) -> Dictionary:
 	return _parsed(await _fetch(_server_url() + manifest.links[name]))
 
 
-## Return payload bytes received, those received although in memory, and segments drawn.
+## Return the payload bytes received, and those received although they were in memory.
 func stats() -> Dictionary:
 	return {} if _session == null else {
 		"received_bytes": _session.received_bytes,
 		"repeated_bytes": _session.repeated_bytes,
-		"drawn": _drawn.size(),
 	}
 
 

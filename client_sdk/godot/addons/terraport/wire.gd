@@ -50,7 +50,7 @@ var _input := StreamPeerBuffer.new()
 var _error := ""
 
 
-## Encode null, a bool, int, float, String, PackedByteArray, Array or Dictionary.
+## Encode an int, float, String, PackedByteArray, Array or Dictionary.
 static func encode(value: Variant) -> PackedByteArray:
 	var output := StreamPeerBuffer.new()
 	output.big_endian = true
@@ -137,10 +137,6 @@ static func _decode_frame(data: PackedByteArray) -> Dictionary:
 
 static func _write(output: StreamPeerBuffer, value: Variant) -> void:
 	match typeof(value):
-		TYPE_NIL:
-			output.put_u8(0xC0)
-		TYPE_BOOL:
-			output.put_u8(0xC3 if value else 0xC2)
 		TYPE_INT:
 			output.put_u8(0xD3)
 			output.put_64(value)
