@@ -34,7 +34,10 @@ COPY: Final = Path(tempfile.gettempdir(), f"terraport-planted-{os.getuid()}")
 PACKAGES: Final = (
     "client_sdk/python", "payload", "pipeline", "research", "server", "store", "wire",
 )  # fmt: skip
-BUILT: Final = ("client_sdk/web/node_modules", "server/terraport_server/page")
+BUILT: Final = (
+    "client_sdk/web/node_modules", "server/terraport_server/page",
+    "tests/browser/godot/node_modules",
+)  # fmt: skip
 """What a checkout has and git has not."""
 NEAREST: Final = (3, 24)
 """Test files that run first and in one process: most faults need no more."""
