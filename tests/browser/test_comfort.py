@@ -147,4 +147,4 @@ def test_frames_cost_little_while_a_landing_streams(
     # By frame: bytes handed over. No frame takes all, none more than the bound of terrain.ts.
     assert len([some for some in uploads if some > 0]) > 1
     assert max(uploads) <= 7 << 20
-    assert sum(uploads) >= sum(entry["faces"] for entry in shown["plan"]["load"]) * 6
+    assert sum(uploads) >= sum(entry["faces"] for entry in shown["plan"]["show"]) * 6

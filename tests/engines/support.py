@@ -62,19 +62,19 @@ SDK_CORE = "tests/sdk/test_core.py"
 FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     "wire corpus, whole": (
         Yes("tests/conformance/test_wire_corpus.py", "test_bad"),
-        Yes(f"{WEB}/wire-corpus.test.ts", "runs the whole corpus, with every message"),
+        Yes(f"{WEB}/wire-corpus.test.ts", "from a server"),
         Yes(UNITY_CORE, "test_the_whole_corpus_passes"),
         Yes(CORPUS, "test_the_whole_corpus_passes"),
     ),
     "payload corpus": (
         Yes("tests/conformance/scene/test_scene_corpus.py", "test_payload"),
-        Yes(f"{WEB}/payload-corpus.test.ts", "runs every file of the corpus"),
+        Yes(f"{WEB}/payload-corpus.test.ts", "runs every segment of the corpus"),
         Yes(UNITY_CORE, "test_the_whole_corpus_passes"),
         Yes(CORPUS, "test_the_whole_corpus_passes"),
     ),
     "session corpus, step by step": (
         No("protocol 2 alone"),
-        Yes(f"{WEB}/session/corpus.test.ts", "the session corpus, step by step"),
+        Yes(f"{WEB}/session/corpus.test.ts", "the landings corpus"),
         Yes(UNITY_CORE, "test_the_whole_corpus_passes"),
         Yes(CORPUS, "test_the_whole_session_corpus_passes"),
     ),
@@ -104,7 +104,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     ),
     "budgets": (
         Yes(SDK_LAND, "test_budgets_are_never_exceeded"),
-        Yes(f"{WEB}/session/corpus.test.ts", "the session corpus, step by step"),
+        Yes(f"{WEB}/session/corpus.test.ts", "the landings corpus"),
         Yes(UNITY, "test_budgets_are_never_exceeded"),
         Yes(LAND, "test_budgets_are_never_exceeded"),
     ),
@@ -124,13 +124,13 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     ),
     "picks": (
         Yes(SDK_LAND, "test_picks_find_the_ground_whether_loaded_or_not"),
-        Yes(f"{WEB}/session/corpus.test.ts", "the session corpus, step by step"),
+        Yes(f"{WEB}/session/corpus.test.ts", "the landings corpus"),
         Yes(UNITY, "test_picks_are_answered"),
         Yes(LAND, "test_picks_are_answered"),
     ),
     "cache bounded by bytes": (
         Yes(SDK_CORE, "test_nothing_that_was_named_leaves_memory_before_the_swap"),
-        Yes(f"{WEB}/session/parts.test.ts", "does over any history what a list does slowly"),
+        Yes(f"{WEB}/session/parts.test.ts", "evicts the least recently used that nothing needs"),
         Yes(UNITY, "test_memory_is_bounded"),
         Yes(LAND, "test_the_cache_keeps_its_bound_and_says_what_it_let_go"),
     ),
@@ -142,7 +142,10 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     ),
     "disk: damaged, full, not to be written": (
         Yes("tests/sdk/test_disk.py", "test_a_disk_that_cannot_be_written_is_no_error"),
-        Yes(f"{WEB}/session/kept-bundle.test.ts", "any damage brings whole payloads or none"),
+        Yes(
+            f"{WEB}/client/disk-cache.test.ts",
+            "a disk that cannot be used keeps nothing, and is no error",
+        ),
         Yes(UNITY, "test_the_disk_is_bounded_and_need_not_be_there"),
         Yes("tests/engines/test_disk.py", "test_a_folder_that_cannot_be_written_is_no_error"),
     ),
@@ -163,7 +166,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
             "tests/socket/test_sdk_reconnect.py",
             "test_a_bit_flipped_on_the_way_is_found_and_sent_again",
         ),
-        Yes(f"{WEB}/session/corpus.test.ts", "the session corpus, step by step"),
+        Yes(f"{WEB}/session/corpus.test.ts", "the landings corpus"),
         Yes(UNITY, "test_a_flipped_bit_is_found_and_the_segment_asked_for_again"),
         Yes(FAULT, "test_a_flipped_byte_is_noticed_and_the_segment_asked_for_again"),
     ),

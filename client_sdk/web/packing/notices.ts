@@ -10,29 +10,6 @@ import type { Plugin } from "vite";
 /** Licences that ask for no more than their text to travel with the code. */
 const ALLOWED: ReadonlySet<string> = new Set(["MIT", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "ISC", "0BSD"]);
 
-/** What a package has compiled in, and its licence text does not cover. */
-const WITHIN: Readonly<Record<string, string>> = {
-  "hash-wasm": `xxHash, within hash-wasm (BSD-2-Clause)
-
-Copyright (C) 2012-2023 Yann Collet
-
-Redistribution and use in source and binary forms, with or without modification, are permitted provided that the
-following conditions are met:
-
-* Redistributions of source code must retain the above copyright notice, this list of conditions and the following
-  disclaimer.
-* Redistributions in binary form must reproduce the above copyright notice, this list of conditions and the following
-  disclaimer in the documentation and/or other materials provided with the distribution.
-
-THIS SOFTWARE IS PROVIDED BY THE COPYRIGHT HOLDERS AND CONTRIBUTORS "AS IS" AND ANY EXPRESS OR IMPLIED WARRANTIES,
-INCLUDING, BUT NOT LIMITED TO, THE IMPLIED WARRANTIES OF MERCHANTABILITY AND FITNESS FOR A PARTICULAR PURPOSE ARE
-DISCLAIMED. IN NO EVENT SHALL THE COPYRIGHT OWNER OR CONTRIBUTORS BE LIABLE FOR ANY DIRECT, INDIRECT, INCIDENTAL,
-SPECIAL, EXEMPLARY, OR CONSEQUENTIAL DAMAGES (INCLUDING, BUT NOT LIMITED TO, PROCUREMENT OF SUBSTITUTE GOODS OR
-SERVICES; LOSS OF USE, DATA, OR PROFITS; OR BUSINESS INTERRUPTION) HOWEVER CAUSED AND ON ANY THEORY OF LIABILITY,
-WHETHER IN CONTRACT, STRICT LIABILITY, OR TORT (INCLUDING NEGLIGENCE OR OTHERWISE) ARISING IN ANY WAY OUT OF THE USE OF
-THIS SOFTWARE, EVEN IF ADVISED OF THE POSSIBILITY OF SUCH DAMAGE.`,
-};
-
 const PACKAGE = /^(.*\/node_modules\/(?:@[^/]+\/)?[^/]+)\//;
 
 interface PackageFacts {
@@ -55,8 +32,7 @@ function notice(folder: string): string {
   const file = readdirSync(folder).find((name) => /^(licen[cs]e|copying)/i.test(name));
   if (file === undefined) throw new Error(`${facts.name} brings no licence text`);
   const texts = [file, "NOTICE"].map((name) => join(folder, name)).filter((path) => existsSync(path));
-  const bodies = [...texts.map((path) => readFileSync(path, "utf8").trim()), WITHIN[facts.name] ?? ""];
-  const body = bodies.filter((text) => text !== "").join("\n\n");
+  const body = texts.map((path) => readFileSync(path, "utf8").trim()).join("\n\n");
   return `${facts.name} ${facts.version} (${licence})\n\n${body}\n`;
 }
 

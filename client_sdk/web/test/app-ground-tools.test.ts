@@ -23,7 +23,7 @@ function toolsAtWall(view: "orbit" | "walk", foothold: Vec3 | null, met: GroundH
     standNear: () => foothold,
     pixelOf: () => ({ x: 900, y: 900 }),
     aim(at) {
-      store.set({ aim: { place: at, radiusM: 60, fraction: null, bytes: 0 } });
+      store.set({ aim: { place: at, radiusM: 60, bytes: 0 } });
       calls.push(`aim ${at}`);
     },
     cancelAim: () => store.set({ aim: null }),

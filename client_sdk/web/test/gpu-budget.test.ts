@@ -9,7 +9,6 @@ const FACES = 1800;
 
 function meshOf(attributes: number): MeshData {
   return {
-    segment: -1,
     vertexCount: VERTICES,
     faceCount: FACES,
     translation: [0, 0, 0],

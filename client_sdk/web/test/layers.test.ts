@@ -26,7 +26,7 @@ const MAY_IMPORT: Readonly<Record<string, readonly string[]>> = {
 
 /** Packages by part; `app` takes what it needs of these through the others, but three.js for its controls. */
 const PACKAGES: Readonly<Record<string, readonly string[]>> = {
-  core: ["hash-wasm", "meshoptimizer"],
+  core: [],
   three: ["three"],
   xr: ["three"],
   element: ["three"],
@@ -39,13 +39,14 @@ const MAY_IMPORT_IN_CORE: Readonly<Record<string, readonly string[]>> = {
   wire: [],
   payload: [],
   scene: ["payload"],
-  session: ["wire", "scene"],
+  extras: ["wire", "payload", "scene"],
+  session: ["wire", "extras"],
   transcoder: [],
-  client: ["wire", "payload", "scene", "session", "transcoder"],
+  client: ["wire", "payload", "scene", "extras", "session", "transcoder"],
 };
 
 /** Core's shells; everything else in core is pure: no I/O, no clock, no timers, no chance. */
-const SHELLS = [/^core\/client\//, /^core\/scene\/(http|list|load)\.ts$/];
+const SHELLS = [/^core\/client\//, /^core\/scene\/(http|list|load)\.ts$/, /^core\/extras\/strokes\.ts$/];
 
 /** What a pure file must not name. Names behind a dot or before a colon are members and fields. */
 const IMPURE =

@@ -5,7 +5,6 @@ import type { IncomingMessage, Server, ServerResponse } from "node:http";
 import { createServer } from "node:http";
 import type { AddressInfo } from "node:net";
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { prepareHash, xxh3 } from "../src/core/payload/hash.ts";
 import { readImageHeader } from "../src/core/payload/image-header.ts";
 import { StreamError } from "../src/core/scene/errors.ts";
 import type { LoadOptions } from "../src/core/scene/load.ts";
@@ -33,16 +32,14 @@ interface Damage {
 /** What a client makes of each case; it reads neither pack nor index, and no paths. */
 const DAMAGE = JSON.parse(readFileSync(new URL("damaged.json", CORPUS), "utf-8")) as Damage[];
 const REFUSED: ReadonlyMap<string, string> = new Map([
-  ["flipped cover byte", "damaged"],
   ["flipped base byte", "damaged"],
   ["base cut short", "damaged"],
   ["regions are no JSON", "damaged"],
-  ["a stable id twice", "damaged"],
   ["manifest of another format", "damaged"],
   ["manifest of the next major version", "unsupported_version"],
   ["manifest cut short", "damaged"],
 ]);
-const READ_BY_CLIENTS = new Set(["scene.json", "base.glb", "base.cover", "regions.json", "labels.json"]);
+const READ_BY_CLIENTS = new Set(["scene.json", "base.tsg", "regions.json", "labels.json"]);
 
 type Files = Map<string, Buffer>;
 /** Answers before the files do; false to let them. */
@@ -76,14 +73,11 @@ describe("a whole scene", () => {
     scenes.set(name, filesOf(name));
     const progress: [number, number][] = [];
     const onProgress = (doneBytes: number, totalBytes: number) => progress.push([doneBytes, totalBytes]);
-    const { manifest, base, cover, regions } = await loadScene(`${url}/scenes/${name}`, { onProgress });
+    const { manifest, base, regions } = await loadScene(`${url}/scenes/${name}`, { onProgress });
     expect(manifest).toMatchObject({ id: name, segmentCount: 4, detailFaces: 288, origin: [500000, 8000000, 100] });
     expect(manifest.stepM).toBe(2 ** -12);
-    expect(base.segment).toBe(-1);
     expect(base.faceCount).toBe(32);
     expect(base.bounds.every(Number.isFinite)).toBe(true);
-    expect(Array.from(cover.segments.subarray(cover.offsets[0], cover.offsets[1]))).toEqual([0]);
-    expect(Array.from(cover.segments.subarray(cover.offsets[31], cover.offsets[32]))).toEqual([3]);
     expect(regions.map((region) => region.id)).toEqual([0, 1, 2]);
     expect(progress[0]![0]).toBe(0);
     expect(progress.at(-1)![0]).toBe(progress.at(-1)![1]);
@@ -154,39 +148,35 @@ describe("a scene with an overview", () => {
   async function servedWith(overview: Buffer): Promise<void> {
     const files = filesOf("tiny");
     const manifest = JSON.parse(files.get("scene.json")!.toString()) as { files: Record<string, unknown> };
-    await prepareHash();
-    const hash = xxh3(overview).toString(16).padStart(16, "0");
-    manifest.files["overview.glb"] = { path: "v/overview.glb", bytes: overview.length, xxh3: hash };
-    files.set("scene.json", Buffer.from(JSON.stringify(manifest))).set("overview.glb", overview);
+    manifest.files["overview.tsg"] = { path: "v/overview.tsg", bytes: overview.length };
+    files.set("scene.json", Buffer.from(JSON.stringify(manifest))).set("overview.tsg", overview);
     scenes.set("tiny", files);
   }
   const asked = () => requests.map((line) => line.replace(/.*tiny\/?([^?]*).*/, "$1"));
 
   it("gives it before the base is asked for, to be hidden by nothing", async () => {
-    await servedWith(filesOf("tiny").get("base.glb")!);
+    await servedWith(filesOf("tiny").get("base.tsg")!);
     const seen: [SceneFiles, string[]][] = [];
     const files = await loadScene(`${url}/scenes/tiny`, { onOverview: (first) => seen.push([first, asked()]) });
     expect(seen).toHaveLength(1);
     const [first, before] = seen[0]!;
-    expect(before).toContain("overview.glb");
-    expect(before).not.toContain("base.glb");
+    expect(before).toContain("overview.tsg");
+    expect(before).not.toContain("base.tsg");
     expect(first).toMatchObject({ isOverview: true, manifest: files.manifest, regions: files.regions });
-    expect(first.cover).toEqual({ offsets: new Uint32Array(33), segments: new Uint32Array(0) });
     expect(files.isOverview).toBeUndefined();
-    expect(files.cover.segments).not.toHaveLength(0);
   });
 
   it("does not fetch it for who shows none", async () => {
-    await servedWith(filesOf("tiny").get("base.glb")!);
+    await servedWith(filesOf("tiny").get("base.tsg")!);
     await loadScene(`${url}/scenes/tiny`);
-    expect(asked()).not.toContain("overview.glb");
+    expect(asked()).not.toContain("overview.tsg");
   });
 
   it("goes on without one that is damaged, or gone", async () => {
     await servedWith(Buffer.from("no mesh"));
     const onOverview = vi.fn();
     expect((await loadScene(`${url}/scenes/tiny`, { onOverview })).base.faceCount).toBe(32);
-    scenes.get("tiny")!.delete("overview.glb");
+    scenes.get("tiny")!.delete("overview.tsg");
     expect((await loadScene(`${url}/scenes/tiny`, { onOverview })).base.faceCount).toBe(32);
     expect(onOverview).not.toHaveBeenCalled();
   });
@@ -252,7 +242,7 @@ describe("a server that refuses", () => {
   it("sees the token, and nobody else does", async () => {
     scenes.set("tiny", filesOf("tiny"));
     await loadScene(`${url}/scenes/tiny`, { token: "secret" });
-    expect(requests.length).toBeGreaterThanOrEqual(5);
+    expect(requests.length).toBeGreaterThanOrEqual(4);
     for (const line of requests) expect(line).toMatch(/^[^ ]+ Bearer secret$/);
     // To a place that would answer.
     gate = (request, response) => {
@@ -273,7 +263,7 @@ describe("a server that refuses", () => {
 it("stops where it is aborted", async () => {
   scenes.set("tiny", filesOf("tiny"));
   const abort = new AbortController();
-  gate = (request) => request.url!.includes("base.glb"); // never answered
+  gate = (request) => request.url!.includes("base.tsg"); // never answered
   const loading = loadScene(`${url}/scenes/tiny`, { signal: abort.signal });
   setTimeout(() => abort.abort(new Error("enough")), 50);
   await expect(loading).rejects.toThrow("enough");
@@ -283,9 +273,9 @@ it("stops the other files where one fails", async () => {
   scenes.set("tiny", filesOf("tiny"));
   let isClosed = false;
   gate = (request, response) => {
-    if (request.url!.includes("base.cover")) response.writeHead(500).end();
-    else if (!request.url!.includes("base.glb")) return false;
-    // base.glb: never answered; the client lets go of it.
+    if (request.url!.includes("regions.json")) response.writeHead(500).end();
+    else if (!request.url!.includes("base.tsg")) return false;
+    // base.tsg: never answered; the client lets go of it.
     else response.on("close", () => (isClosed = true));
     return true;
   };
@@ -293,16 +283,10 @@ it("stops the other files where one fails", async () => {
   await vi.waitFor(() => expect(isClosed).toBe(true));
 });
 
-it("refuses a cover that names segments which the scene does not have", async () => {
-  const damage: Damage = { name: "too few", file: "scene.json", edit: { set: [["counts", "segments"], 3] } };
-  scenes.set("tiny", filesOf("tiny", damage));
-  await expect(loadScene(`${url}/scenes/tiny`)).rejects.toThrow("segment 3 in the cover, expected below 3");
-});
-
 it("reads no more than the manifest says", async () => {
   scenes.set("tiny", filesOf("tiny"));
   gate = (request, response) => {
-    if (!request.url!.includes("base.cover")) return false;
+    if (!request.url!.includes("base.tsg")) return false;
     const pour = () => {
       while (!response.destroyed && response.write(Buffer.alloc(65_536)));
     };
@@ -341,7 +325,7 @@ function filesOf(scene: string, damage?: Damage): Files {
   const manifest = readFileSync(new URL("scene.json", folder));
   const paths = (JSON.parse(manifest.toString()) as { files: Record<string, { path: string }> }).files;
   const files: Files = new Map([["scene.json", manifest]]);
-  for (const name of ["base.glb", "base.cover", "regions.json"]) {
+  for (const name of ["base.tsg", "regions.json"]) {
     files.set(name, readFileSync(new URL(paths[name]!.path, folder)));
   }
   if (scene === "tiny") files.set("labels.json", readFileSync(new URL("labels.json", folder)));

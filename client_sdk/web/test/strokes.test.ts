@@ -4,7 +4,7 @@ import { createServer, type IncomingMessage, type Server } from "node:http";
 import type { AddressInfo } from "node:net";
 import { deflateSync } from "node:zlib";
 import { afterEach, beforeEach, describe, expect, it } from "vitest";
-import { fetchTaught, listStrokes, paintStroke, takeBackStroke } from "../src/core/scene/strokes.ts";
+import { fetchTaught, listStrokes, paintStroke, takeBackStroke } from "../src/core/extras/strokes.ts";
 import { texelsOf } from "../src/three/taught-look.ts";
 
 const packed = (...bytes: number[]) => deflateSync(Uint8Array.from(bytes)).toString("base64");

@@ -1,128 +1,113 @@
-/** The wire corpus (tests/conformance/wire), every file of it, both ways. */
+/** The messages corpus (tests/conformance/messages): what a client reads, refuses and writes. */
 
-import { readdirSync, readFileSync } from "node:fs";
-import { describe, expect, it } from "vitest";
-import { decodeMessage, encodeMessage } from "../src/core/wire/codec.ts";
+import { readFileSync } from "node:fs";
+import { describe, expect, test } from "vitest";
 import { DecodeError } from "../src/core/wire/errors.ts";
-import { decodeFrame, encodeFrame } from "../src/core/wire/frames.ts";
-import type { Direction } from "../src/core/wire/kinds.ts";
-import { MESSAGES } from "../src/core/wire/messages.generated.ts";
+import { decodeFrame, isFrame } from "../src/core/wire/frames.ts";
+import { type ClientMessage, decodeMessage, encodeMessage, type PlanRow } from "../src/core/wire/messages.ts";
+import { type Plain, readMsgpack, WholeFloat } from "../src/core/wire/msgpack.ts";
 
-/** Names of files that this client declines, with the reason; also in README.md, "Conformance". */
-const DECLINED: ReadonlyMap<string, string> = new Map();
+const CORPUS = new URL("../../../tests/conformance/messages/", import.meta.url);
 
-const CORPUS = new URL("../../../tests/conformance/wire/", import.meta.url);
-
-interface Facts {
-  readonly kind: "message" | "frame";
-  readonly direction: Direction;
-  readonly message?: unknown;
-  readonly unknown?: string;
-  readonly frame?: unknown;
-  readonly canonical?: boolean;
-  readonly error?: unknown;
+interface Case {
+  readonly case: string;
+  readonly from: "client" | "server";
+  readonly bytes: string;
   readonly pad_to?: number;
   readonly pad_byte?: number;
+  readonly message?: { readonly type: string; readonly [field: string]: unknown };
+  readonly frame?: Readonly<Record<string, unknown>>;
+  readonly skip?: true;
+  readonly refused_by?: "client" | "server";
 }
 
-/** What a case holds, in the corpus's own terms. */
-interface Observed {
-  message?: unknown;
-  unknown?: string;
-  frame?: unknown;
-  canonical?: boolean;
-  error?: unknown;
+function casesOf(file: string, from: Case["from"]): Case[] {
+  const lines = readFileSync(new URL(file, CORPUS), "utf-8").trimEnd().split("\n");
+  return lines.map((line) => JSON.parse(line) as Case).filter((one) => one.from === from);
 }
 
-const NAMES = { good: namesIn("good"), bad: namesIn("bad") };
-
-describe("good", () => {
-  it.each(NAMES.good)("%s", (name) => {
-    const { facts, data } = readCase("good", name);
-    const expected: Observed = {};
-    if (facts.message !== undefined) expected.message = facts.message;
-    if (facts.unknown !== undefined) expected.unknown = facts.unknown;
-    if (facts.frame !== undefined) expected.frame = facts.frame;
-    if (facts.canonical === true) expected.canonical = true;
-    expect(observe(data, facts)).toEqual(expected);
+describe("from a server", () => {
+  const files = ["good.jsonl", "bad_from_server.jsonl", "frames.jsonl"];
+  test.each(files.flatMap((file) => casesOf(file, "server")))("$case", (one) => {
+    if (one.refused_by === "client") expect(() => received(one)).toThrow(DecodeError);
+    else expect(received(one)).toEqual(one.skip ? null : (one.frame ?? one.message));
   });
 });
 
-describe("bad", () => {
-  it.each(NAMES.bad)("%s", (name) => {
-    const { facts, data } = readCase("bad", name);
-    expect(observe(data, facts)).toEqual({ error: facts.error });
+describe("to a server", () => {
+  const good = casesOf("good.jsonl", "client").filter(({ message }) => message !== undefined);
+  test.each(good)("$case", ({ message }) => {
+    const fields = Object.entries(message!).map(([name, value]) => {
+      return [name, name === "have" || name === "without" ? keysOf(value as string) : value];
+    });
+    const bytes = encodeMessage(Object.fromEntries(fields) as ClientMessage);
+    expect(plain(readMsgpack(bytes))).toEqual(message);
   });
 });
 
-it("runs the whole corpus, with every message", () => {
-  expect(NAMES.good.length + NAMES.bad.length).toBeGreaterThan(500);
-  for (const types of Object.values(MESSAGES)) {
-    for (const type of Object.keys(types)) {
-      expect(NAMES.good).toContain(`message-${type}-minimal`);
-      expect(NAMES.good).toContain(`message-${type}-full`);
-    }
+/** What a client makes of a case, as the corpus tells it. */
+function received(one: Case): unknown {
+  const given = Buffer.from(one.bytes, "base64");
+  const data = new Uint8Array(Math.max(given.length, one.pad_to ?? 0)).fill(one.pad_byte ?? 0);
+  data.set(given);
+  if (isFrame(data)) {
+    const frame = decodeFrame(data);
+    if (frame === null) return null;
+    const { data: piece, ...numbers } = frame;
+    const generation = new DataView(data.buffer).getUint32(4, true);
+    return { generation, ...numbers, data: Buffer.from(piece).toString("base64") };
   }
-  for (const name of DECLINED.keys()) expect([...namesIn("good", true), ...namesIn("bad", true)]).toContain(name);
-});
-
-function namesIn(folder: "good" | "bad", all = false): string[] {
-  const names = readdirSync(new URL(`${folder}/`, CORPUS))
-    .filter((name) => name.endsWith(".json"))
-    .map((name) => name.slice(0, -".json".length))
-    .sort();
-  return all ? names : names.filter((name) => !DECLINED.has(name));
+  const message = decodeMessage(data);
+  if (message === null) return null;
+  const told = Object.entries(message).map(([name, value]) => [name, corpusValue(message.type, name, value)]);
+  return Object.fromEntries(told);
 }
 
-function readCase(folder: "good" | "bad", name: string): { facts: Facts; data: Uint8Array<ArrayBuffer> } {
-  const facts = JSON.parse(readFileSync(new URL(`${folder}/${name}.json`, CORPUS), "utf-8")) as Facts;
-  const stored = new Uint8Array(readFileSync(new URL(`${folder}/${name}.bin`, CORPUS)));
-  const data = new Uint8Array(Math.max(stored.length, facts.pad_to ?? 0)).fill(facts.pad_byte ?? 0);
-  data.set(stored);
-  return { facts, data };
+/** A field as the corpus has it: binary in base64. */
+function corpusValue(type: string, name: string, value: unknown): unknown {
+  if (value instanceof Uint8Array) return Buffer.from(value).toString("base64");
+  if (name === "show") return base64(28, value as PlanRow[], writeRow);
+  if (name === "missing" && type === "ready") return base64(8, value as string[], writeKey);
+  if (type === "gathered" && Array.isArray(value))
+    return base64(4, value, (view, at, n) => view.setUint32(at, n, true));
+  if (name === "offsets") return base64(8, value as number[], (view, at, n) => view.setBigUint64(at, BigInt(n), true));
+  return value;
 }
 
-function observe(data: Uint8Array<ArrayBuffer>, facts: Facts): Observed {
-  try {
-    if (facts.kind === "frame") return { frame: frameFacts(data) };
-    const message = decodeMessage(data, facts.direction);
-    if (message.type === "unknown") return { unknown: message.name };
-    const observed: Observed = { message: readable(message) };
-    if (Buffer.compare(encodeMessage(message), data) === 0) observed.canonical = true;
-    return observed;
-  } catch (error) {
-    if (!(error instanceof DecodeError)) throw error;
-    return { error: errorFacts(error) };
+function base64<T>(width: number, rows: readonly T[], write: (view: DataView, at: number, row: T) => void): string {
+  const view = new DataView(new ArrayBuffer(rows.length * width));
+  rows.forEach((row, at) => {
+    write(view, at * width, row);
+  });
+  return Buffer.from(view.buffer).toString("base64");
+}
+
+function writeKey(view: DataView, at: number, key: string): void {
+  view.setBigUint64(at, BigInt(`0x${key}`), true);
+}
+
+function writeRow(view: DataView, at: number, { key, id, bytes, faces, vertices, follows, isCoarser }: PlanRow): void {
+  writeKey(view, at, key);
+  const flags = Number(follows) + 2 * Number(isCoarser);
+  for (const [place, value] of [id, bytes, faces, vertices, flags].entries()) {
+    view.setUint32(at + 8 + 4 * place, value, true);
   }
 }
 
-function frameFacts(data: Uint8Array<ArrayBuffer>): unknown {
-  const frame = decodeFrame(data);
-  if ("unknownKind" in frame) return { unknown_kind: frame.unknownKind };
-  expect(decodeFrame(encodeFrame(frame))).toEqual(frame);
-  const { chunk, ...facts } = frame;
-  return { ...facts, chunk_hex: Buffer.from(chunk).toString("hex") };
+function keysOf(text: string): string[] {
+  const bytes = Buffer.from(text, "base64");
+  return Array.from({ length: bytes.length / 8 }, (_, at) => {
+    return bytes
+      .readBigUInt64LE(8 * at)
+      .toString(16)
+      .padStart(16, "0");
+  });
 }
 
-function errorFacts(error: DecodeError): unknown {
-  const facts = { code: error.code, fatal: error.fatal };
-  const { field, generation, request } = error;
-  return {
-    ...facts,
-    ...(field !== undefined && { field }),
-    ...(generation !== undefined && { generation }),
-    ...(request !== undefined && { request }),
-  };
-}
-
-/** A message as the corpus states it: hashes as text, held rows as pairs, a segment's number as `id`. */
-function readable(value: unknown): unknown {
-  if (Array.isArray(value)) return value.map(readable);
-  if (typeof value !== "object" || value === null) return value;
-  if ("xxh3" in value && "segment" in value) {
-    const { segment, xxh3, ...rest } = value as { segment: number; xxh3: bigint };
-    const hash = xxh3.toString(16).padStart(16, "0");
-    return "bounds" in rest ? { id: segment, xxh3: hash, ...rest } : [segment, hash];
-  }
-  return Object.fromEntries(Object.entries(value).map(([name, item]) => [name, readable(item)]));
+/** A msgpack value as JSON has it. */
+function plain(value: Plain): unknown {
+  if (value instanceof Map) return Object.fromEntries([...value].map(([key, one]) => [key, plain(one)]));
+  if (Array.isArray(value)) return value.map(plain);
+  if (value instanceof WholeFloat) return value.value;
+  return value instanceof Uint8Array ? Buffer.from(value).toString("base64") : value;
 }

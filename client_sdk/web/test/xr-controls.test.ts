@@ -1,10 +1,8 @@
 import { describe, expect, test } from "vitest";
-import type { SegmentFacts, StreamEvent } from "../src/core/types.ts";
 import { VIGNETTE_CLOSE_MS, VIGNETTE_OPEN_MS } from "../src/xr/curves.ts";
 import { chooseFrameRate, profileOf } from "../src/xr/device.ts";
 import { addTime, newFrameTimes, summarise } from "../src/xr/frames.ts";
 import { HOLD_MS, holdPalm, newPalmHold, palmTowards } from "../src/xr/palm.ts";
-import { newReadiness, noteEvent, readinessOf, resetReadiness } from "../src/xr/readiness.ts";
 import { askTurn, dueTurn, facingOfStick, newSnapTurn, newStick, readStick, vignetteOf } from "../src/xr/snap.ts";
 import { BEFORE_MS, clearTrail, newTrail, noteTarget, targetBefore } from "../src/xr/steady.ts";
 
@@ -124,42 +122,6 @@ describe("palm", () => {
     expect(holdPalm(hold, 0.95, HOLD_MS - 1)).toBe(false);
     expect(holdPalm(hold, 0.3, HOLD_MS)).toBe(false);
     expect(holdPalm(hold, 0.95, HOLD_MS + 1)).toBe(false);
-  });
-});
-
-describe("readiness of an aim", () => {
-  const facts = (length: number): SegmentFacts => ({
-    segment: 1,
-    length,
-    xxh3: 0n,
-    faces: 1,
-    vertices: 3,
-    bounds: [0, 0, 0, 1, 1, 1],
-  });
-
-  test("counts the bytes that were announced, and is whole only when the service says so", () => {
-    const readiness = newReadiness();
-    expect(readinessOf(readiness)).toBe(0);
-    noteEvent(readiness, { type: "prefetching", segments: 2, bytes: 400 });
-    noteEvent(readiness, { type: "arrived", landing: null, facts: facts(100) });
-    expect(readinessOf(readiness)).toBe(0.25);
-    // What belongs to a landing is not what the aim brought.
-    noteEvent(readiness, { type: "arrived", landing: 4, facts: facts(300) });
-    expect(readinessOf(readiness)).toBe(0.25);
-    noteEvent(readiness, { type: "arrived", landing: null, facts: facts(300) });
-    expect(readinessOf(readiness)).toBeLessThan(1);
-    noteEvent(readiness, { type: "prefetched", segments: 2, bytes: 400 });
-    expect(readinessOf(readiness)).toBe(1);
-    noteEvent(readiness, { type: "prefetching", segments: 1, bytes: 50 });
-    expect(readinessOf(readiness)).toBe(0);
-    resetReadiness(readiness);
-    expect(readinessOf(readiness)).toBe(0);
-  });
-
-  test("nothing to send is ready at once", () => {
-    const readiness = newReadiness();
-    noteEvent(readiness, { type: "prefetching", segments: 0, bytes: 0 } satisfies StreamEvent);
-    expect(readinessOf(readiness)).toBe(1);
   });
 });
 

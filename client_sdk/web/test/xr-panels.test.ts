@@ -159,6 +159,6 @@ describe("messages", () => {
     };
     expect(statusLine(status, false)).toBe("Loading the ground: 42 %.");
     expect(statusLine({ ...status, phase: "shown" }, true)).toBe("No link. Landed, 60 m around.");
-    expect(statusLine({ ...status, phase: "shown", missing: [4, 5] }, false)).toContain("2 segments missing");
+    expect(statusLine({ ...status, phase: "shown", missing: ["4", "5"] }, false)).toContain("2 segments missing");
   });
 });

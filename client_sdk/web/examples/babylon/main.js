@@ -10,7 +10,7 @@ import { Vector3 } from "@babylonjs/core/Maths/math.vector.js";
 import { Mesh } from "@babylonjs/core/Meshes/mesh.js";
 import { VertexData } from "@babylonjs/core/Meshes/mesh.vertexData.js";
 import { Scene } from "@babylonjs/core/scene.js";
-import { hiddenFaces, loadSceneInWorker, openStream, passOn, Residency } from "@terraport/client/core";
+import { loadSceneInWorker, openStream, passOn, Residency } from "@terraport/client/core";
 
 const sceneUrl = new URLSearchParams(location.search).get("scene") ?? "http://127.0.0.1:8080/scenes/sample";
 const canvas = document.querySelector("#view");
@@ -56,7 +56,7 @@ function meshOf(data, name) {
   return mesh;
 }
 
-const { manifest, base, cover } = await loadSceneInWorker(sceneUrl);
+const { manifest, base } = await loadSceneInWorker(sceneUrl);
 const ground = meshOf(base, "base");
 ground.setEnabled(true);
 const drawn = new Map();
@@ -77,11 +77,10 @@ function put(segment, epoch, data) {
 }
 
 /** In one frame: a segment and the faces of the base under it are never both there, nor both missing. */
-function swap({ shown, hidden: gone, visible }) {
+function swap({ shown, hidden: gone, hiddenFaces }) {
   for (const segment of shown) drawn.get(segment).setEnabled(true);
   for (const segment of gone) drawn.get(segment).setEnabled(false);
-  const under = hiddenFaces(cover, new Set(visible));
-  const isHidden = (face) => (under[face >> 3] >> (face & 7)) & 1;
+  const isHidden = (face) => (hiddenFaces[face >> 3] >> (face & 7)) & 1;
   ground.setIndices(base.indices.filter((_, at) => !isHidden(Math.floor(at / 3))));
 }
 

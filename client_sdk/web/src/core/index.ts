@@ -2,22 +2,21 @@
  * `@terraport/client/core`: scenes, streams and decoded segments, for any renderer. No three.js, no DOM.
  *
  * A landing is asked of a {@link Stream}; {@link Residency}, to which {@link passOn} passes the stream's events, says which
- * segments an engine is to upload, show and free, and {@link hiddenFaces} which faces of the base to hide under them. A
- * segment is decoded by `stream.mesh(segment, manifest.attributes)`.
+ * segments an engine is to upload, show and free, and which faces of the base to hide with them. A segment is decoded by
+ * `stream.mesh(key, manifest.attributes)`.
  */
 
 export { budgetsFor, type DeviceBudgets, type DeviceClass } from "./budgets.ts";
 export { type DirectParts, openDirectStream } from "./client/direct-stream.ts";
 export { type LoadSceneOptions, loadSceneInWorker } from "./client/load-scene.ts";
 export { openStream } from "./client/open-stream.ts";
-export { hiddenFaces } from "./cover.ts";
+export type * from "./extras/group-types.ts";
+export { fetchTaught, listStrokes, paintStroke, type StrokeList, takeBackStroke } from "./extras/strokes.ts";
 export { type GpuShares, sharesOf } from "./gpu-budget.ts";
-export type * from "./group-types.ts";
 export { Residency } from "./residency.ts";
 export { passOn } from "./residency-events.ts";
 export { StreamError } from "./scene/errors.ts";
 export { type HttpOptions, listScenes, type SceneList } from "./scene/load.ts";
 export { coarserPieces } from "./scene/regions.ts";
-export { fetchTaught, listStrokes, paintStroke, type StrokeList, takeBackStroke } from "./scene/strokes.ts";
 export { parseSceneUrl, sceneUrlOf } from "./scene/urls.ts";
 export type * from "./types.ts";

@@ -4,11 +4,14 @@
  * PURE.
  */
 
-import type { PlanFacts, SegmentSummary, Vec3 } from "./types.ts";
+import type { FaceBits, PlanFacts, SegmentKey, Vec3 } from "./types.ts";
 
 /** The next set of a landing that may be shown: all of it, or its declared inner part. */
 export interface ShowableSet {
-  readonly segments: readonly number[];
+  /** Nearest first. */
+  readonly segments: readonly SegmentKey[];
+  /** Base faces that are hidden with them. */
+  readonly hidden: FaceBits;
   /** Whether it is all of the landing, and not the declared inner part. */
   readonly isWhole: boolean;
 }
@@ -16,17 +19,17 @@ export interface ShowableSet {
 /** One landing, from `land` until a newer one. */
 export class LandingRecord {
   plan: PlanFacts | null = null;
-  missing: readonly number[] = [];
+  missing: readonly SegmentKey[] = [];
   refusal: string | null = null;
   readyMs: number | null = null;
   presentableMs: number | null = null;
   payloadBytes = 0;
   /** What was shown of it. */
   swapped: "nothing" | "degraded" | "full" = "nothing";
-  #inner: readonly number[] | null = null;
-  #full: readonly number[] | null = null;
-  #loadBytes = new Map<number, number>();
-  readonly #arrived = new Set<number>();
+  #inner: ShowableSet | null = null;
+  #full: ShowableSet | null = null;
+  #loadBytes = new Map<SegmentKey, number>();
+  readonly #arrived = new Set<SegmentKey>();
 
   constructor(
     readonly landing: number,
@@ -40,36 +43,42 @@ export class LandingRecord {
   /** It was shown before, in this session, exactly so; the service's own answer follows. */
   recall(plan: PlanFacts): void {
     this.plan = plan;
-    this.#full = plan.keep;
+    this.#full = wholeOf(plan);
   }
 
   /** A plan came: the first, or another one after a reconnect. What was shown stays shown until the next `ready`. */
   planned(plan: PlanFacts): void {
-    const planned = new Set([...plan.keep, ...plan.load.map((facts) => facts.segment)]);
+    const planned = new Set(plan.show.map(({ key }) => key));
     // Recalled, and it is so: not taken back, or eyes that are closed for it would have to close twice.
     const holds =
-      this.readyMs === null && this.#full?.length === planned.size && this.#full.every((id) => planned.has(id));
+      this.readyMs === null &&
+      this.#full?.segments.length === planned.size &&
+      this.#full.segments.every((key) => planned.has(key));
     this.plan = plan;
-    // Declared under the generation before; the new one declares its own.
+    // Declared for the plan before; the new one declares its own.
     this.#inner = null;
     if (!holds) this.#full = null;
-    this.#loadBytes = new Map(plan.load.map((facts) => [facts.segment, facts.length]));
+    this.#loadBytes = new Map(plan.show.filter(({ follows }) => follows).map(({ key, bytes }) => [key, bytes]));
   }
 
-  arrived(facts: SegmentSummary): void {
-    this.#arrived.add(facts.segment);
+  arrived(key: SegmentKey, bytes: number): void {
+    this.#arrived.add(key);
     // An aim's bytes are not this landing's; and `ready` brings the sum that counts.
-    if (this.#full === null && this.#loadBytes.has(facts.segment)) {
-      this.payloadBytes += facts.length;
-    }
+    if (this.#full === null && this.#loadBytes.has(key)) this.payloadBytes += bytes;
   }
 
-  degrade(segments: readonly number[]): void {
-    this.#inner = segments;
+  degrade(segments: readonly SegmentKey[], hidden: FaceBits): void {
+    this.#inner = { segments, hidden, isWhole: false };
   }
 
-  ready(visible: readonly number[], missing: readonly number[], elapsedMs: number, payloadBytes: number): void {
-    this.#full = visible;
+  ready(
+    segments: readonly SegmentKey[],
+    hidden: FaceBits,
+    missing: readonly SegmentKey[],
+    elapsedMs: number,
+    payloadBytes: number,
+  ): void {
+    this.#full = { segments, hidden, isWhole: true };
     this.missing = missing;
     // The first time counts: after a reconnect the same set is only declared once more.
     this.readyMs ??= elapsedMs;
@@ -93,24 +102,17 @@ export class LandingRecord {
 
   /** What may be shown next, once it is on the GPU; null where nothing was declared yet, or the inner part is shown. */
   target(): ShowableSet | null {
-    if (this.refusal !== null) {
-      return null;
-    }
-    if (this.#full) {
-      return { segments: this.#full, isWhole: true };
-    }
-    return this.#inner && this.swapped !== "degraded" ? { segments: this.#inner, isWhole: false } : null;
+    if (this.refusal !== null) return null;
+    return this.#full ?? (this.swapped === "degraded" ? null : this.#inner);
   }
 
-  /** What `ready` will presumably say: the plan's load and keep. */
-  expected(): readonly number[] | null {
-    return this.plan && this.refusal === null
-      ? [...this.plan.keep, ...this.plan.load.map((facts) => facts.segment)]
-      : null;
+  /** What `ready` will presumably say: all of the plan. */
+  expected(): ShowableSet | null {
+    return this.plan && this.refusal === null ? wholeOf(this.plan) : null;
   }
 
   /** Bytes that came and were uploaded, of those that must: each half counts once. */
-  fraction(isResident: (segment: number) => boolean): number {
+  fraction(isResident: (segment: SegmentKey) => boolean): number {
     if (!this.plan) {
       return 0;
     }
@@ -122,4 +124,8 @@ export class LandingRecord {
     }
     return totalBytes > 0 ? doneBytes / totalBytes : 1;
   }
+}
+
+function wholeOf({ show, hidden }: PlanFacts): ShowableSet {
+  return { segments: show.map(({ key }) => key), hidden, isWhole: true };
 }

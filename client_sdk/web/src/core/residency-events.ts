@@ -10,21 +10,18 @@ export function passOn(event: StreamEvent, residency: Residency): void {
       residency.planned(event.plan);
       break;
     case "arrived":
-      residency.arrived(event.facts, event.landing);
+      residency.arrived(event.key, event.bytes, event.landing);
       break;
     case "degraded":
-      residency.degraded(event.landing, event.segments);
+      residency.degraded(event.landing, event.segments, event.hidden);
       break;
     case "ready":
-      residency.ready(event.landing, event.visible, event.missing, event.elapsedMs, event.payloadBytes);
+      residency.ready(event.landing, event.visible, event.hidden, event.missing, event.elapsedMs, event.payloadBytes);
       break;
     case "refused":
       if (event.landing !== null) {
         residency.refused(event.landing, event.message);
       }
-      break;
-    case "dropped":
-      residency.dropped(event.segments);
       break;
     default:
       break;

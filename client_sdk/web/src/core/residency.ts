@@ -5,15 +5,15 @@
  * `resident` (can be drawn at once), and from each of them back. What is *visible* is another matter: it changes in {@link Residency.swap} alone, to
  * exactly what the newest landing's `ready` or `degraded` said, or, until they are here, what `ready` said of the same landing
  * before. (Two exceptions, where there is no choice: a new scene version, and a segment that cannot be decoded again after the
- * graphics context was lost.)
+ * graphics context was lost: then the base is drawn alone, until the stream has another plan.)
  *
  * PURE: no I/O, no clock; whoever owns it decodes, uploads, frees, and says so.
  */
 
-import { LandingRecord } from "./landing-record.ts";
+import { LandingRecord, type ShowableSet } from "./landing-record.ts";
 import { SegmentShelf, type ShelfLimits } from "./segment-shelf.ts";
 import { landingKey, ShownBefore } from "./shown-before.ts";
-import type { LandOptions, PlanFacts, SegmentSummary, Vec3 } from "./types.ts";
+import type { FaceBits, LandOptions, PlanFacts, SegmentFacts, SegmentKey, Vec3 } from "./types.ts";
 
 /** Segments that aims brought and that wait for spare room; beyond it the oldest goes. */
 const MAX_PREFETCHED = 4096;
@@ -25,15 +25,16 @@ export type ResidencyOptions = ShelfLimits;
 export interface Swap {
   readonly landing: number;
   readonly degraded: boolean;
-  /** Ascending. */
-  readonly visible: readonly number[];
-  readonly shown: readonly number[];
-  readonly hidden: readonly number[];
+  readonly visible: readonly SegmentKey[];
+  /** Base faces that are hidden with what is visible. */
+  readonly hiddenFaces: FaceBits;
+  readonly shown: readonly SegmentKey[];
+  readonly hidden: readonly SegmentKey[];
 }
 
 /** A segment to be asked of `Stream.mesh`; `epoch` is to be given back with the answer. */
 export interface DecodeRequest {
-  readonly segment: number;
+  readonly segment: SegmentKey;
   readonly epoch: number;
 }
 
@@ -41,16 +42,17 @@ export interface DecodeRequest {
 export class Residency {
   readonly #shelf: SegmentShelf;
   readonly #shownBefore = new ShownBefore();
-  #visible: readonly number[] = [];
-  #visibleIds = new Set<number>();
-  #desired: readonly number[] = [];
-  #desiredIds = new Set<number>();
-  #nearbyIds = new Set<number>();
+  #visible: readonly SegmentKey[] = [];
+  #visibleIds = new Set<SegmentKey>();
+  #desired: readonly SegmentKey[] = [];
+  #desiredIds = new Set<SegmentKey>();
   /** Of what plans and arrivals told of what is desired. */
-  #facts = new Map<number, SegmentSummary>();
-  #prefetched: number[] = [];
+  #facts = new Map<SegmentKey, SegmentFacts>();
+  #prefetched: SegmentKey[] = [];
   #newest: LandingRecord | null = null;
-  #coming: readonly number[] | null = null;
+  /** Base faces that are hidden with what is visible. */
+  #visibleHidden: FaceBits = new Uint8Array();
+  #coming: ShowableSet | null = null;
   #comingRevision = 0;
   #preparedRevision = -1;
   #epoch = 0;
@@ -60,8 +62,8 @@ export class Residency {
     this.#shelf = new SegmentShelf(options, (segment) => this.#isNeeded(segment));
   }
 
-  /** Segments shown, ascending. */
-  get visible(): readonly number[] {
+  /** Segments shown. */
+  get visible(): readonly SegmentKey[] {
     return this.#visible;
   }
 
@@ -75,6 +77,11 @@ export class Residency {
     return this.#epoch;
   }
 
+  /** Facts of a segment that the newest landing's plan or what is visible has. */
+  factsOf(segment: SegmentKey): SegmentFacts | undefined {
+    return this.#facts.get(segment);
+  }
+
   /** Segments being decoded, or decoded and not uploaded. */
   get inFlight(): number {
     return this.#shelf.inFlight;
@@ -82,7 +89,7 @@ export class Residency {
 
   /** Whether there is something to decode, upload or free now, or on its way. */
   get isBusy(): boolean {
-    const waits = (segment: number): boolean => this.#shelf.stepOf(segment) === "held";
+    const waits = (segment: SegmentKey): boolean => this.#shelf.stepOf(segment) === "held";
     return (
       this.#shelf.inFlight > 0 ||
       this.#shelf.hasFrees ||
@@ -102,8 +109,8 @@ export class Residency {
     return this.#restoring;
   }
 
-  /** What the next swap will show as far as known, ascending, for the base to be prepared; null where nothing is coming. */
-  get coming(): readonly number[] | null {
+  /** What the next swap will show as far as known, for the base to be prepared; null where nothing is coming. */
+  get coming(): ShowableSet | null {
     return this.#coming;
   }
 
@@ -120,9 +127,10 @@ export class Residency {
     const key = landingKey(position, radiusM, options);
     this.#newest = new LandingRecord(landing, position, radiusM, nowMs, key);
     const before = this.#shownBefore.recall(key, landing);
-    if (before?.keep.every((segment) => this.#shelf.stepOf(segment) === "resident")) {
+    if (before?.show.every(({ key: segment }) => this.#shelf.stepOf(segment) === "resident")) {
       this.#newest.recall(before);
-      this.#setDesired(before.keep);
+      this.#takeFacts(before);
+      this.#setDesired(before.show.map(({ key: segment }) => segment));
     } else this.#recompute();
   }
 
@@ -138,43 +146,40 @@ export class Residency {
       return;
     }
     landing.planned(plan);
-    for (const segment of plan.keep) {
-      this.#shelf.hold(segment, -1);
-    }
-    const kept = plan.keep.flatMap((segment) => this.#facts.get(segment) ?? []);
-    this.#facts = new Map([...kept, ...plan.load].map((facts) => [facts.segment, facts]));
-    this.#nearbyIds = new Set(plan.nearby);
-    this.#setDesired([...plan.keep, ...plan.load.map((facts) => facts.segment)]);
+    for (const { key, follows } of plan.show) if (!follows) this.#shelf.hold(key, -1);
+    this.#takeFacts(plan);
+    this.#setDesired(plan.show.map(({ key }) => key));
     this.#shelf.freeUnneededMeshes();
   }
 
   /** A segment's payload is here: for a landing, or (null) for an aim. */
-  arrived(facts: SegmentSummary, landing: number | null): void {
-    if (this.#shelf.hold(facts.segment, landing === null ? (this.#newest?.landing ?? 0) : -1)) {
-      this.#shelf.forgive(facts.segment);
+  arrived(segment: SegmentKey, bytes: number, landing: number | null): void {
+    if (this.#shelf.hold(segment, landing === null ? (this.#newest?.landing ?? 0) : -1)) {
+      this.#shelf.forgive(segment);
       this.#recompute();
     }
-    this.#newest?.arrived(facts);
+    this.#newest?.arrived(segment, bytes);
     // What an aim brought waits its turn behind the landing's own; beyond the bound the oldest is the least likely target.
-    if (landing === null && !this.#desiredIds.has(facts.segment)) {
+    if (landing === null && !this.#desiredIds.has(segment)) {
       if (this.#prefetched.length === MAX_PREFETCHED) {
-        this.#prefetched.shift(); // Its payload stays held.
+        this.#prefetched.shift(); // Its payload stays in memory.
       }
-      this.#prefetched.push(facts.segment);
+      this.#prefetched.push(segment);
     }
   }
 
-  /** The deadline passed: these may be shown before the rest. */
-  degraded(landing: number, segments: readonly number[]): void {
-    this.#landing(landing)?.degrade(segments);
+  /** The landing takes long: these may be shown before the rest. */
+  degraded(landing: number, segments: readonly SegmentKey[], hidden: FaceBits): void {
+    this.#landing(landing)?.degrade(segments, hidden);
     this.#recompute();
   }
 
   /** Every byte is here: exactly these are to be shown. */
   ready(
     landing: number,
-    visible: readonly number[],
-    missing: readonly number[],
+    visible: readonly SegmentKey[],
+    hidden: FaceBits,
+    missing: readonly SegmentKey[],
     elapsedMs: number,
     payloadBytes: number,
   ): void {
@@ -183,18 +188,15 @@ export class Residency {
       return;
     }
     // A reconnect declares what is shown once more: then nothing is to be swapped, and no blink is wasted on it.
-    const isShown = record.swapped === "full" && sameIds([...visible].sort(ascending), this.#visible);
-    record.ready(visible, missing, elapsedMs, payloadBytes);
+    const isShown = record.swapped === "full" && sameKeys(visible, this.#visible);
+    record.ready(visible, hidden, missing, elapsedMs, payloadBytes);
     // After a reconnect, or of a return, the same set may be declared once more.
     record.swapped = isShown ? "full" : "nothing";
     if (isShown) this.#remember(record);
     for (const segment of visible) {
       this.#shelf.hold(segment, -1);
     }
-    // In the plan's order, nearest first; what the plan did not name last.
-    const order = new Map(this.#desired.map((segment, index) => [segment, index]));
-    const rankOf = (segment: number): number => order.get(segment) ?? Number.MAX_SAFE_INTEGER;
-    this.#setDesired([...visible].sort((a, b) => rankOf(a) - rankOf(b)));
+    this.#setDesired(visible);
     this.#shelf.freeUnneededMeshes();
   }
 
@@ -208,16 +210,8 @@ export class Residency {
     }
   }
 
-  /** The cache let these go: they cannot be decoded any more. What is on the GPU stays. */
-  dropped(segments: Iterable<number>): void {
-    for (const segment of segments) {
-      this.#shelf.drop(segment);
-    }
-    this.#recompute();
-  }
-
   /**
-   * Another scene version: ids mean other segments now. Everything is forgotten but `visible`, which stays drawn until
+   * Another scene version: its base hides other faces. Everything is forgotten but `visible`, which stays drawn until
    * {@link clearVisible}. Nothing is put on the list of what is to be freed: the owner keeps what is visible apart.
    */
   versionChanged(): void {
@@ -225,8 +219,7 @@ export class Residency {
     this.#shelf.clear();
     this.#shownBefore.forget();
     this.#prefetched = [];
-    this.#nearbyIds.clear();
-    this.#facts.clear();
+    this.#facts = new Map(this.#visible.flatMap((segment) => this.#factsEntry(segment)));
     this.#restoring = false;
     this.#newest?.restart();
     this.#setDesired([]);
@@ -236,13 +229,14 @@ export class Residency {
   clearVisible(): void {
     this.#restoring = false;
     this.#setVisible([]);
+    this.#visibleHidden = new Uint8Array();
     this.#recompute();
   }
 
   /** What to decode now, most urgent first; marks it so. */
   takeDecodes(): DecodeRequest[] {
     const requests: DecodeRequest[] = [];
-    const ask = (segment: number): void => {
+    const ask = (segment: SegmentKey): void => {
       if (this.#shelf.tryDecode(segment)) {
         requests.push({ segment, epoch: this.#epoch });
       }
@@ -261,21 +255,24 @@ export class Residency {
   }
 
   /** A mesh came that will take `bytes` on the GPU. False where nobody wants it any more: throw it away. */
-  decoded(segment: number, epoch: number, bytes: number): boolean {
+  decoded(segment: SegmentKey, epoch: number, bytes: number): boolean {
     return epoch === this.#epoch && this.#shelf.take(segment, bytes);
   }
 
-  /** It could not be decoded: its base faces stay, and it is told as missing. */
-  decodeFailed(segment: number, epoch: number): void {
-    if (epoch === this.#epoch) {
-      this.#shelf.fail(segment);
-      this.#recompute();
-    }
+  /**
+   * It could not be decoded. The stream loads it again, or makes another plan without it. What was to be restored cannot be:
+   * the base is drawn alone until then.
+   */
+  decodeFailed(segment: SegmentKey, epoch: number): void {
+    if (epoch !== this.#epoch) return;
+    this.#shelf.fail(segment);
+    if (this.#restoring && this.#visibleIds.has(segment)) this.clearVisible();
+    else this.#recompute();
   }
 
   /** The most urgent mesh that waits for its upload, or is in the middle of it. */
-  nextUpload(): number | null {
-    const waits = (segment: number): boolean => this.#shelf.stepOf(segment) === "decoded";
+  nextUpload(): SegmentKey | null {
+    const waits = (segment: SegmentKey): boolean => this.#shelf.stepOf(segment) === "decoded";
     if (this.#restoring) {
       const urgent = this.#visible.find(waits);
       if (urgent !== undefined) {
@@ -295,18 +292,18 @@ export class Residency {
   }
 
   /** That, most urgent first; without facts where no plan told how large it is. */
-  awaited(): readonly { readonly segment: number; readonly facts: SegmentSummary | undefined }[] {
+  awaited(): readonly { readonly segment: SegmentKey; readonly facts: SegmentFacts | undefined }[] {
     const ids = this.#toShow.filter((segment) => this.#isAwaited(segment));
     return ids.map((segment) => ({ segment, facts: this.#facts.get(segment) }));
   }
 
   /** All of it is on the GPU. */
-  uploaded(segment: number): void {
+  uploaded(segment: SegmentKey): void {
     this.#shelf.uploaded(segment);
   }
 
   /** And it can be drawn without any further preparation. */
-  warmed(segment: number): void {
+  warmed(segment: SegmentKey): void {
     this.#shelf.warmed(segment);
   }
 
@@ -316,7 +313,7 @@ export class Residency {
   }
 
   /** Ids whose GPU memory, or waiting mesh, is to be freed; each is told once. */
-  takeFreed(): number[] {
+  takeFreed(): SegmentKey[] {
     return this.#shelf.takeFreed();
   }
 
@@ -330,7 +327,7 @@ export class Residency {
     if (!set || this.#preparedRevision !== this.#comingRevision) {
       return null;
     }
-    for (const segment of this.#coming) {
+    for (const segment of this.#coming.segments) {
       if (this.#shelf.stepOf(segment) !== "resident") {
         return null;
       }
@@ -345,8 +342,8 @@ export class Residency {
     if (!kind || !landing || !this.#coming) {
       return null;
     }
-    const visible = this.#coming;
-    // By id, not by landing: what both sets have stays drawn and is neither shown nor hidden.
+    const visible = this.#coming.segments;
+    // By key, not by landing: what both sets have stays drawn and is neither shown nor hidden.
     const before = this.#visibleIds;
     const shown = visible.filter((segment) => !before.has(segment));
     const after = new Set(visible);
@@ -354,11 +351,13 @@ export class Residency {
     landing.swapped = kind;
     this.#visible = visible;
     this.#visibleIds = after;
+    this.#visibleHidden = this.#coming.hidden;
     this.#remember(landing);
     this.#shelf.leaveBehind(landing.landing, hidden);
     this.#prefetched = this.#prefetched.filter((segment) => this.#shelf.isAimedSince(segment, landing.landing));
     this.#recompute();
-    return { landing: landing.landing, degraded: kind === "degraded", visible, shown, hidden };
+    const hiddenFaces = this.#visibleHidden;
+    return { landing: landing.landing, degraded: kind === "degraded", visible, hiddenFaces, shown, hidden };
   }
 
   /** Everything on the GPU is gone. The visible set stays what it is, and is uploaded again before anything else. */
@@ -368,25 +367,16 @@ export class Residency {
     this.#preparedRevision = -1;
   }
 
-  /**
-   * While restoring: what of the visible set is back on the GPU, once nothing more will come; null before. A segment that could
-   * not be decoded again is not in it.
-   */
-  restorable(): readonly number[] | null {
-    if (!this.#restoring || this.#visible.some((segment) => !this.#isSettled(segment))) {
-      return null;
-    }
-    return this.#visible.filter((segment) => this.#shelf.stepOf(segment) === "resident");
+  /** While restoring: the base faces to hide, once all of the visible set is on the GPU again; null before. */
+  restorable(): FaceBits | null {
+    const isBack = this.#restoring && this.#visible.every((segment) => this.#shelf.stepOf(segment) === "resident");
+    return isBack ? this.#visibleHidden : null;
   }
 
-  /** The restorable set is drawn again. It is the visible set, less what could not be decoded again: no hole may stay there. */
+  /** The visible set is drawn again. */
   restored(): void {
-    const restorable = this.restorable();
-    if (restorable) {
-      this.#restoring = false;
-      this.#setVisible(restorable);
-      this.#recompute();
-    }
+    this.#restoring = false;
+    this.#recompute();
   }
 
   /** To be called once a frame: notes when the newest landing became presentable in full. */
@@ -403,21 +393,21 @@ export class Residency {
     return landing ? landing.fraction((segment) => this.#shelf.stepOf(segment) === "resident") : 0;
   }
 
-  /** What the newest landing's full set lacks: told by the stream, or not decodable. Ascending. */
-  missing(): readonly number[] {
-    const landing = this.#newest;
-    const expected = landing?.target()?.segments ?? landing?.expected() ?? [];
-    const failed = expected.filter((segment) => this.#shelf.stepOf(segment) === "failed");
-    return [...new Set([...(landing?.missing ?? []), ...failed])].sort(ascending);
-  }
-
   /** What is shown is all that `ready` said: the same landing will show the same. */
   #remember({ key, plan, missing, readyMs, swapped }: LandingRecord): void {
     const isWhole = swapped === "full" && readyMs !== null && missing.length === 0;
-    const isShown = (segment: number): boolean => this.#visibleIds.has(segment);
-    if (isWhole && plan !== null && this.#newest?.target()?.segments.every(isShown)) {
-      this.#shownBefore.remember(key, plan, this.#visible);
-    }
+    if (isWhole && plan !== null) this.#shownBefore.remember(key, plan);
+  }
+
+  /** Keep facts of what is visible and what the plan has. */
+  #takeFacts(plan: PlanFacts): void {
+    const visible = this.#visible.flatMap((segment) => this.#factsEntry(segment));
+    this.#facts = new Map([...visible, ...plan.show.map((facts) => [facts.key, facts] as const)]);
+  }
+
+  #factsEntry(segment: SegmentKey): readonly (readonly [SegmentKey, SegmentFacts])[] {
+    const facts = this.#facts.get(segment);
+    return facts === undefined ? [] : [[segment, facts]];
   }
 
   #landing(landing: number): LandingRecord | null {
@@ -425,36 +415,30 @@ export class Residency {
   }
 
   /** What is shown, what is to be, and what the newest plan keeps ready beside it. */
-  #isNeeded(segment: number): boolean {
-    return this.#desiredIds.has(segment) || this.#visibleIds.has(segment) || this.#nearbyIds.has(segment);
+  #isNeeded(segment: SegmentKey): boolean {
+    return this.#desiredIds.has(segment) || this.#visibleIds.has(segment);
   }
 
   /** What is visible and has to be uploaded again, else what the newest plan wants. */
-  get #toShow(): readonly number[] {
+  get #toShow(): readonly SegmentKey[] {
     return this.#restoring ? this.#visible : this.#desired;
   }
 
-  #isAwaited(segment: number): boolean {
+  #isAwaited(segment: SegmentKey): boolean {
     const step = this.#shelf.stepOf(segment);
     // What is visible has arrived once; what a plan wants may still arrive.
     if (step === undefined) return !this.#restoring;
     return step !== "uploaded" && step !== "resident" && step !== "failed";
   }
 
-  /** Whether nothing more will happen to it by itself. */
-  #isSettled(segment: number): boolean {
-    const step = this.#shelf.stepOf(segment);
-    return step === undefined || step === "resident" || step === "failed";
-  }
-
-  #setDesired(desired: readonly number[]): void {
+  #setDesired(desired: readonly SegmentKey[]): void {
     this.#desired = desired;
     this.#desiredIds = new Set(desired);
     this.#shelf.trim();
     this.#recompute();
   }
 
-  #setVisible(visible: readonly number[]): void {
+  #setVisible(visible: readonly SegmentKey[]): void {
     this.#visible = visible;
     this.#visibleIds = new Set(visible);
     this.#shelf.trim();
@@ -463,22 +447,14 @@ export class Residency {
   /** Work out what the next swap will show. */
   #recompute(): void {
     const landing = this.#newest;
-    const ids = landing && landing.swapped !== "full" ? (landing.target()?.segments ?? landing.expected()) : null;
-    const next = ids ? [...ids].filter((segment) => this.#shelf.stepOf(segment) !== "failed").sort(ascending) : null;
-    if (!sameIds(next, this.#coming)) {
-      this.#coming = next;
+    const next = landing && landing.swapped !== "full" ? (landing.target() ?? landing.expected()) : null;
+    if (next?.hidden !== this.#coming?.hidden || !sameKeys(next?.segments ?? [], this.#coming?.segments ?? [])) {
       this.#comingRevision += 1;
     }
+    this.#coming = next;
   }
 }
 
-function ascending(a: number, b: number): number {
-  return a - b;
-}
-
-function sameIds(a: readonly number[] | null, b: readonly number[] | null): boolean {
-  if (a === null || b === null) {
-    return a === b;
-  }
-  return a.length === b.length && a.every((id, index) => id === b[index]);
+function sameKeys(a: readonly SegmentKey[], b: readonly SegmentKey[]): boolean {
+  return a.length === b.length && a.every((key, index) => key === b[index]);
 }

@@ -6,6 +6,7 @@
  */
 
 import { InFlight, type InFlightLimits } from "./in-flight.ts";
+import type { SegmentKey } from "./types.ts";
 
 /** How much is done at once, and kept. */
 export interface ShelfLimits extends InFlightLimits {
@@ -26,13 +27,13 @@ interface Entry {
   usedAt: number;
 }
 
-/** Segments by id. */
+/** Segments by key. */
 export class SegmentShelf {
   readonly #limits: ShelfLimits;
   readonly #inFlight: InFlight;
-  readonly #isNeeded: (segment: number) => boolean;
-  readonly #entries = new Map<number, Entry>();
-  #toFree: number[] = [];
+  readonly #isNeeded: (segment: SegmentKey) => boolean;
+  readonly #entries = new Map<SegmentKey, Entry>();
+  #toFree: SegmentKey[] = [];
   #spareBytes = 0;
   /** Of {@link #spareBytes}, what aims brought since the newest swap. */
   #aimedBytes = 0;
@@ -41,7 +42,7 @@ export class SegmentShelf {
   #tick = 0;
 
   /** @param isNeeded Whether a segment is visible, or wanted or kept by the newest plan. After it changes: {@link trim}. */
-  constructor(limits: ShelfLimits, isNeeded: (segment: number) => boolean) {
+  constructor(limits: ShelfLimits, isNeeded: (segment: SegmentKey) => boolean) {
     this.#limits = limits;
     this.#inFlight = new InFlight(limits);
     this.#isNeeded = isNeeded;
@@ -66,12 +67,12 @@ export class SegmentShelf {
   }
 
   /** Where a segment stands; undefined for one that is not known. */
-  stepOf(segment: number): Step | undefined {
+  stepOf(segment: SegmentKey): Step | undefined {
     return this.#entries.get(segment)?.step;
   }
 
   /** A payload is here. `aimedDuring` is the newest landing if an aim brought it, else -1. True where it had failed before. */
-  hold(segment: number, aimedDuring: number): boolean {
+  hold(segment: SegmentKey, aimedDuring: number): boolean {
     const entry = this.#entries.get(segment);
     if (!entry) {
       this.#entries.set(segment, { step: "held", bytes: 0, aimedDuring, usedAt: this.#nextTick() });
@@ -83,21 +84,10 @@ export class SegmentShelf {
   }
 
   /** It came once more: perhaps whole this time. */
-  forgive(segment: number): void {
+  forgive(segment: SegmentKey): void {
     const entry = this.#entries.get(segment);
     if (entry?.step === "failed") {
       entry.step = "held";
-    }
-  }
-
-  /** The payload is gone. What is on the GPU stays; what is needed and not there counts as failed. */
-  drop(segment: number): void {
-    const entry = this.#entries.get(segment);
-    if (entry?.step === "held" && this.#isNeeded(segment)) {
-      // Not forgotten: a set that waits for it must learn that it will not come.
-      entry.step = "failed";
-    } else if (entry?.step === "held" || entry?.step === "failed") {
-      this.#entries.delete(segment);
     }
   }
 
@@ -112,7 +102,7 @@ export class SegmentShelf {
   }
 
   /** Start decoding a held segment, if there is room. */
-  tryDecode(segment: number): boolean {
+  tryDecode(segment: SegmentKey): boolean {
     const entry = this.#entries.get(segment);
     if (entry?.step !== "held" || !this.#inFlight.hasRoom) {
       return false;
@@ -128,7 +118,7 @@ export class SegmentShelf {
   }
 
   /** A mesh of that many GPU bytes came. False where nobody needs it, and it came for no aim, or there is no spare room. */
-  take(segment: number, bytes: number): boolean {
+  take(segment: SegmentKey, bytes: number): boolean {
     const entry = this.#entries.get(segment);
     if (entry?.step !== "decoding") {
       return false;
@@ -149,7 +139,7 @@ export class SegmentShelf {
   }
 
   /** Decoding failed. */
-  fail(segment: number): void {
+  fail(segment: SegmentKey): void {
     const entry = this.#entries.get(segment);
     if (entry?.step === "decoding") {
       entry.step = "failed";
@@ -158,7 +148,7 @@ export class SegmentShelf {
   }
 
   /** All of it is on the GPU. */
-  uploaded(segment: number): void {
+  uploaded(segment: SegmentKey): void {
     const entry = this.#entries.get(segment);
     if (entry?.step === "decoded") {
       entry.step = "uploaded";
@@ -167,7 +157,7 @@ export class SegmentShelf {
   }
 
   /** And it can be drawn without any further preparation. */
-  warmed(segment: number): void {
+  warmed(segment: SegmentKey): void {
     const entry = this.#entries.get(segment);
     if (entry?.step === "uploaded") {
       entry.step = "resident";
@@ -175,7 +165,7 @@ export class SegmentShelf {
   }
 
   /** Any mesh that waits for its upload. */
-  anyDecoded(): number | null {
+  anyDecoded(): SegmentKey | null {
     for (const [segment, entry] of this.#entries) {
       if (entry.step === "decoded") {
         return segment;
@@ -190,7 +180,7 @@ export class SegmentShelf {
   }
 
   /** After a swap: what it hid is the last to make way, and what waits for earlier landings and aims is not uploaded. */
-  leaveBehind(landing: number, hidden: Iterable<number>): void {
+  leaveBehind(landing: number, hidden: Iterable<SegmentKey>): void {
     this.#landing = landing;
     for (const segment of hidden) {
       const entry = this.#entries.get(segment);
@@ -202,7 +192,7 @@ export class SegmentShelf {
   }
 
   /** Whether an aim brought it since this landing was asked for. */
-  isAimedSince(segment: number, landing: number): boolean {
+  isAimedSince(segment: SegmentKey, landing: number): boolean {
     return (this.#entries.get(segment)?.aimedDuring ?? -1) >= landing;
   }
 
@@ -213,8 +203,8 @@ export class SegmentShelf {
     this.#toFree = [];
   }
 
-  /** Ids whose GPU memory, or waiting mesh, is to be freed; each is told once. */
-  takeFreed(): number[] {
+  /** Keys whose GPU memory, or waiting mesh, is to be freed; each is told once. */
+  takeFreed(): SegmentKey[] {
     const freed = this.#toFree;
     this.#toFree = [];
     return freed;
@@ -224,7 +214,7 @@ export class SegmentShelf {
   trim(): void {
     const spare = [...this.#entries].filter(([segment, entry]) => isOnGpu(entry) && !this.#isNeeded(segment));
     const isAimed = (entry: Entry): boolean => entry.aimedDuring >= 0 && entry.aimedDuring >= this.#landing;
-    const sum = (bytes: number, [, entry]: [number, Entry]): number => bytes + entry.bytes;
+    const sum = (bytes: number, [, entry]: [SegmentKey, Entry]): number => bytes + entry.bytes;
     this.#spareBytes = spare.reduce(sum, 0);
     spare.sort((a, b) => Number(isAimed(a[1])) - Number(isAimed(b[1])) || a[1].usedAt - b[1].usedAt);
     for (const [segment, entry] of spare) {
@@ -237,7 +227,7 @@ export class SegmentShelf {
     this.#aimedBytes = spare.filter(([, entry]) => isOnGpu(entry) && isAimed(entry)).reduce(sum, 0);
   }
 
-  #freeIf(shouldFree: (entry: Entry, segment: number) => boolean): void {
+  #freeIf(shouldFree: (entry: Entry, segment: SegmentKey) => boolean): void {
     for (const [segment, entry] of this.#entries) {
       if (isOnGpu(entry) && shouldFree(entry, segment)) {
         this.#free(segment, entry);
@@ -246,7 +236,7 @@ export class SegmentShelf {
     this.trim();
   }
 
-  #free(segment: number, entry: Entry): void {
+  #free(segment: SegmentKey, entry: Entry): void {
     if (entry.step === "decoded") {
       this.#inFlight.leave(entry.bytes);
     }

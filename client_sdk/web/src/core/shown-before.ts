@@ -1,8 +1,8 @@
 /**
- * What earlier landings showed, by what was asked for: who comes back is shown it before the service has answered.
+ * What earlier landings showed, by what was asked for: a return is shown before the service has answered.
  *
- * The wire protocol promises (6.6, rule 2) that the same landing shows the same whatever was before; so what its `ready` said
- * holds again, in one session and for one scene version. The answer comes all the same, and counts where it says otherwise.
+ * The protocol promises that the same landing shows the same in one version and session (4, rules 4 and 10). The answer comes
+ * all the same, and counts where it says otherwise.
  *
  * PURE.
  */
@@ -21,11 +21,11 @@ export function landingKey(position: Vec3, radiusM: number, options: LandOptions
 export class ShownBefore {
   readonly #plans = new Map<string, PlanFacts>();
 
-  /** Landing `key` was shown: exactly these, ascending. */
-  remember(key: string, plan: PlanFacts, visible: readonly number[]): void {
+  /** A landing was shown whole. */
+  remember(key: string, plan: PlanFacts): void {
     this.#plans.delete(key);
-    // Of a return nothing is to be loaded; what is nearby only its own plan can say.
-    this.#plans.set(key, { ...plan, load: [], keep: visible, nearby: [], loadBytes: 0 });
+    // Of a return nothing is to be loaded.
+    this.#plans.set(key, { ...plan, show: plan.show.map((facts) => ({ ...facts, follows: false })), loadBytes: 0 });
     const [oldest] = this.#plans.keys();
     if (this.#plans.size > MAX_REMEMBERED && oldest !== undefined) this.#plans.delete(oldest);
   }

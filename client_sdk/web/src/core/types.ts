@@ -1,11 +1,14 @@
 /**
  * The values that pass between the parts of the viewer.
  *
- * Lengths are metres of the scene frame (right-handed, Y up, about the scene's origin). Segment ids are rows of the
- * scene's index. No three.js, no DOM.
+ * Lengths are metres of the scene frame (right-handed, Y up, about the scene's origin). No three.js, no DOM.
  */
 
-import type { GroupCommand, GroupEvent } from "./group-types.ts";
+import type { GroupCommand, GroupEvent } from "./extras/group-types.ts";
+import type { SegmentKey } from "./wire/kinds.ts";
+
+export type * from "./extras/stroke-types.ts";
+export type { SegmentKey };
 
 /** Direction in which a coordinate of the survey counts. */
 export type SurveyAxis = "east" | "west" | "north" | "south" | "up" | "down";
@@ -16,27 +19,30 @@ export type Vec3 = readonly [number, number, number];
 /** minimum x, y, z, maximum x, y, z. */
 export type Bounds = readonly [number, number, number, number, number, number];
 
-/** What the index says of one segment (a row of a load table). */
+/** A segment that a landing shows. Plain values: an event can be written as JSON, except for bit sets. */
 export interface SegmentFacts {
+  readonly key: SegmentKey;
+  /** Number of the segment in this version of the scene, at whichever level. */
   readonly segment: number;
+  /** Whether it is the coarser level of it. */
+  readonly isCoarser: boolean;
   /** Payload bytes. */
-  readonly length: number;
-  /** XXH3-64 of the payload. */
-  readonly xxh3: bigint;
+  readonly bytes: number;
   readonly faces: number;
   readonly vertices: number;
-  readonly bounds: Bounds;
+  /** Whether it was not here when the landing was requested. */
+  readonly follows: boolean;
 }
 
-/** A segment of a landing, or one that came. Plain values: what an event holds can be written as JSON. */
-export type SegmentSummary = Omit<SegmentFacts, "xxh3">;
+/** Faces of the base mesh, one bit each, the lowest bit first: 1 where a face is hidden. */
+export type FaceBits = Uint8Array<ArrayBuffer>;
 
 /** Hard bounds of every landing; an absent one does not bound. */
 export interface Budgets {
   readonly maxTriangles?: number;
   readonly maxBytes?: number;
   readonly maxSegments?: number;
-  /** On the client's GPU; with it what a vertex and a triangle's indices take there (wire protocol, section 6.2). */
+  /** On the client's GPU; with it what a vertex and a triangle's indices take there (protocol, section 3). */
   readonly maxGpuBytes?: number;
   readonly gpuVertexBytes?: number;
   readonly gpuFaceBytes?: number;
@@ -81,8 +87,6 @@ export interface CompressedImage {
  * the step 1.
  */
 export interface MeshData {
-  /** Segment of the scene, at whichever level; -1 for the base mesh. */
-  readonly segment: number;
   readonly vertexCount: number;
   readonly faceCount: number;
   readonly translation: Vec3;
@@ -104,12 +108,6 @@ export interface MeshData {
   readonly image: MeshImage | null;
   /** Box of the decoded positions. */
   readonly bounds: Bounds;
-}
-
-/** Segments over each base face: `segments[offsets[f] .. offsets[f + 1]]`, ascending. */
-export interface Cover {
-  readonly offsets: Uint32Array;
-  readonly segments: Uint32Array;
 }
 
 /** A value that the survey has at its points. */
@@ -151,70 +149,6 @@ export interface SceneManifest {
   readonly mayPaint?: true;
 }
 
-/** What is painted on the ground with one stroke. */
-export interface Stroke {
-  readonly name: string;
-  /** `#rrggbb`. */
-  readonly colour: string;
-  readonly widthM: number;
-  /** x and z of the scene frame, 2 to 256. */
-  readonly line: readonly (readonly [number, number])[];
-}
-
-/** A stroke that the service keeps. */
-export interface PaintedStroke extends Stroke {
-  readonly id: string;
-  readonly who: string;
-  /** UTC. */
-  readonly when: string;
-  /** Whether it can be taken back with this token. */
-  readonly isOwn: boolean;
-}
-
-/** A name that ground was taught. */
-export interface TaughtName {
-  readonly name: string;
-  /** `#rrggbb`. */
-  readonly colour: string;
-  readonly areaM2: number;
-  /** Mean probability, 0 to 1. */
-  readonly confidence: number;
-}
-
-/** What strokes have taught: squares of the ground, seen from above. */
-export interface TaughtPicture {
-  readonly names: readonly TaughtName[];
-  /** Rows run with z, columns with x. */
-  readonly rows: number;
-  readonly columns: number;
-  readonly cellM: number;
-  /** x and z where the first square begins. */
-  readonly cornerM: readonly [number, number];
-  /** Place in `names`, 255 without ground. */
-  readonly kind: Uint8Array<ArrayBuffer>;
-  /** 0 sure to 255 two names equally likely. */
-  readonly doubt: Uint8Array<ArrayBuffer>;
-  /** Where a next stroke pays most, best first. */
-  readonly places: readonly {
-    readonly position: readonly [number, number];
-    readonly doubt: number;
-    readonly likeliest: string;
-    readonly other: string;
-  }[];
-}
-
-/** The answer to strokes. */
-export interface TaughtGround {
-  /** Of the strokes that it answers. */
-  readonly revision: string;
-  /** `taught`, `published` or `refused`. */
-  readonly state: string;
-  /** For people. */
-  readonly text: string;
-  /** Null where they were refused. */
-  readonly picture: TaughtPicture | null;
-}
-
 /** Pieces that are united, regions by their id or earlier unions by the count of regions and their place, and at what cost. */
 export type RegionUnion = readonly [one: number, other: number, cost: number];
 
@@ -253,11 +187,10 @@ export interface RegionPlace {
 
 /** Everything that is loaded once for a version of a scene. */
 export interface SceneFiles {
-  /** `base` is the overview, and `cover` empty: to be shown until the files without this are here. */
+  /** `base` is the overview: to be shown until the files without this are here. */
   readonly isOverview?: true;
   readonly manifest: SceneManifest;
   readonly base: MeshData;
-  readonly cover: Cover;
   readonly regions: readonly RegionFacts[];
   /** What unites them to coarser pieces; absent or empty where the scene says nothing of it. */
   readonly unions?: readonly RegionUnion[];
@@ -301,22 +234,20 @@ export interface PickHit {
   readonly attributes: Readonly<Record<string, number>>;
 }
 
-/**
- * A ring of the coarser level, and how long a landing may take before its inner part is shown: the wire protocol, 6.1 and
- * 6.3, says how they work together.
- */
+/** A ring of the coarser level, and how long a landing may take before its inner part is shown. */
 export interface LandOptions {
   /**
-   * Beyond the radius, up to here, segments come at their coarser level, where the scene has one; at most what the service
-   * allows: more is cut to it.
+   * Beyond the radius, up to here, segments come at their coarser level, where the scene has one; a larger one than the service
+   * allows is cut to that.
    */
-  readonly coarseRadiusM?: number;
-  readonly innerRadiusM?: number;
-  readonly deadlineMs?: number;
-  readonly stallMs?: number;
+  readonly coarseRadiusM?: number | undefined;
+  /** What may be shown first when `deadlineMs` have passed in all, or `stallMs` without a segment; at most the radius. */
+  readonly innerRadiusM?: number | undefined;
+  readonly deadlineMs?: number | undefined;
+  readonly stallMs?: number | undefined;
 }
 
-/** The plan of a landing, as the page needs it. */
+/** The plan of a landing. */
 export interface PlanFacts {
   readonly landing: number;
   readonly position: Vec3;
@@ -325,10 +256,11 @@ export interface PlanFacts {
   readonly effectiveRadiusM: number;
   /** How far the coarser level reaches beyond it; null where there is none of it. */
   readonly coarseRadiusM: number | null;
-  readonly load: readonly SegmentSummary[];
-  readonly keep: readonly number[];
-  /** Held beyond the radius: kept ready for a hop back, not shown. */
-  readonly nearby: readonly number[];
+  /** What is shown when all of it is here, nearest first. */
+  readonly show: readonly SegmentFacts[];
+  /** Base faces that are hidden then. */
+  readonly hidden: FaceBits;
+  /** Payload bytes that follow, and of all that is shown. */
   readonly loadBytes: number;
   readonly totalBytes: number;
   readonly totalTriangles: number;
@@ -348,7 +280,7 @@ export type LinkState =
       readonly code: string;
       readonly message: string;
     }
-  /** For good: until `reconnect` is called. `code` is an error code of the wire protocol, or "closed". */
+  /** For good: until `reconnect` is called. `code` is an error code of the protocol, or "closed". */
   | { readonly state: "closed"; readonly closeCode: number; readonly code: string; readonly message: string };
 
 /** What a stream tells. Landing numbers stay the same over reconnects. */
@@ -358,38 +290,46 @@ export type StreamEvent =
       readonly type: "opened";
       readonly sceneVersion: string;
       readonly session: string;
-      /** The served version is another one than before: base and cover must be loaded anew (wire protocol, 5.4). */
+      /** Another version is served than before: base and regions must be loaded again (protocol, section 7). */
       readonly changed: boolean;
       readonly maxRadiusM: number;
-      readonly heldCount: number;
     }
   | { readonly type: "planned"; readonly plan: PlanFacts }
-  /** A segment is whole and verified, and can be asked for by `mesh`. `landing` is null for what an aim brought. */
-  | { readonly type: "arrived"; readonly landing: number | null; readonly facts: SegmentSummary }
-  | { readonly type: "degraded"; readonly landing: number; readonly segments: readonly number[] }
+  /**
+   * A segment is here and its checksum is right: it can be asked for by `mesh`. `landing` is null where no plan waits for it: an
+   * aim brought it.
+   */
+  | {
+      readonly type: "arrived";
+      readonly landing: number | null;
+      readonly key: SegmentKey;
+      readonly bytes: number;
+      readonly bounds: Bounds;
+    }
+  /** The landing takes long, and its inner part is here: these may be shown first. */
+  | {
+      readonly type: "degraded";
+      readonly landing: number;
+      readonly segments: readonly SegmentKey[];
+      readonly hidden: FaceBits;
+    }
   | {
       readonly type: "ready";
       readonly landing: number;
-      /** Exactly what must be shown, ascending. */
-      readonly visible: readonly number[];
-      readonly missing: readonly number[];
+      /** Exactly what must be shown, nearest first, and the base faces that are hidden with it. */
+      readonly visible: readonly SegmentKey[];
+      readonly hidden: FaceBits;
+      readonly missing: readonly SegmentKey[];
       /**
-       * Milliseconds from the call of `land` until all bytes were there and verified, by the clock of the browsing
+       * Milliseconds from the call of `land` until all bytes were here and checked, by the clock of the browsing
        * context: it counts the way of the command into the worker, not the way of this event out of it.
        */
       readonly elapsedMs: number;
-      /**
-       * That moment as `performance.timeOrigin + performance.now()`. The page's own sum of the two, when the event
-       * comes, is later by the way out of the worker and by whatever kept the page busy.
-       */
+      /** That moment as `performance.timeOrigin + performance.now()`. */
       readonly readyAtMs: number;
       readonly payloadBytes: number;
     }
   | { readonly type: "superseded"; readonly landing: number; readonly by: number }
-  | { readonly type: "prefetching"; readonly segments: number; readonly bytes: number }
-  | { readonly type: "prefetched"; readonly segments: number; readonly bytes: number }
-  /** Ids that this scene version does not have, or that the cache let go: they cannot be asked for any more. */
-  | { readonly type: "dropped"; readonly segments: readonly number[] }
   | {
       readonly type: "refused";
       readonly code: string;
@@ -414,8 +354,6 @@ export interface StreamStats {
   /** Landings that had an aim before them, and those of them with nothing left to load. */
   readonly aimedLandings: number;
   readonly aimHits: number;
-  readonly prefetchedBytes: number;
-  readonly usedPrefetchedBytes: number;
 }
 
 /**
@@ -437,7 +375,6 @@ export interface StreamOptions {
   /** Payload bytes kept on disk over all scenes, for the next visit; 0, or no such storage, keeps none. Default 0. */
   readonly diskBytes?: number;
   readonly creditBytes?: number;
-  readonly releaseFactor?: number;
   /** Name and version of the client, for the server's logs. */
   readonly client?: string;
 }
@@ -456,10 +393,11 @@ export interface Stream {
   /** Resolves with null where nothing is met; rejects with StreamError where refused. */
   pick(origin: Vec3, direction?: Vec3): Promise<PickHit | null>;
   /**
-   * Decode a held segment; rejects with StreamError where it is not held, or is not a valid payload. `attributes` are those of
-   * the manifest of the session's version: a payload holds their codes alone.
+   * Decode a segment that is in memory; rejects with StreamError where it is not, or is not valid: then it is loaded again, or
+   * left out of the landing, which has another plan. `attributes` are those of the manifest of the session's version: a payload
+   * holds their codes alone.
    */
-  mesh(segment: number, attributes: readonly AttributeScale[]): Promise<MeshData>;
+  mesh(key: SegmentKey, attributes: readonly AttributeScale[]): Promise<MeshData>;
   stats(): Promise<StreamStats>;
   /** Join a group, go with it, or lead it; what comes of it is told by `group` events. */
   group(command: GroupCommand): void;

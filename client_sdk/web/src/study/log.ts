@@ -2,8 +2,8 @@
  * The log of a session: head, landings, changes of what is visible, frames, forms (spec/study-log.md). PURE: time is an argument.
  */
 
-import type { SegmentSummary, Vec3 } from "../core/types.ts";
-import { type HeadView, isInView } from "./screen-error.ts";
+import type { Vec3 } from "../core/types.ts";
+import { type HeadView, isInView, type PlacedSegment } from "./screen-error.ts";
 
 /** Frames of an hour at 90 a second; a session that goes on is cut there, and the log says so. */
 export const MAX_FRAMES = 324_000;
@@ -118,7 +118,7 @@ export class SessionLog {
     view: HeadView,
     visible: readonly number[],
     now: LandingNow,
-    factsOf: (segment: number) => SegmentSummary | undefined,
+    factsOf: (segment: number) => PlacedSegment | undefined,
   ): void {
     const isUnderWay = this.#noteLanding(tMs, now);
     this.#noteChange(tMs, now.landing, isUnderWay, view, visible, factsOf);
@@ -149,7 +149,7 @@ export class SessionLog {
     byLanding: boolean,
     view: HeadView,
     visible: readonly number[],
-    factsOf: (segment: number) => SegmentSummary | undefined,
+    factsOf: (segment: number) => PlacedSegment | undefined,
   ): void {
     const after = new Set(visible);
     const shown = visible.filter((segment) => !this.#visible.has(segment));

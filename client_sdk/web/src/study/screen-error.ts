@@ -3,7 +3,10 @@
  * more than some pixels. PURE.
  */
 
-import type { Bounds, Budgets, SegmentSummary, Vec3 } from "../core/types.ts";
+import type { Bounds, Budgets, SegmentFacts, Vec3 } from "../core/types.ts";
+
+/** A segment whose payload came, with the box of its positions. */
+export type PlacedSegment = SegmentFacts & { readonly bounds: Bounds };
 
 /** A plane: what has `normal . p + offset >= 0` lies on its inner side. */
 export interface Plane {
@@ -62,12 +65,12 @@ export function boxDistanceM([x, y, z]: Vec3, box: Bounds): number {
  * landing's plan. Ties by id.
  */
 export function refinedSegments(
-  segments: Iterable<SegmentSummary>,
+  segments: Iterable<PlacedSegment>,
   view: HeadView,
   options: ScreenErrorOptions,
 ): readonly number[] {
   const reachM = refineDistanceM(view.pixelsPerMetre, options);
-  const candidates: { readonly facts: SegmentSummary; readonly distanceM: number }[] = [];
+  const candidates: { readonly facts: PlacedSegment; readonly distanceM: number }[] = [];
   for (const facts of segments) {
     const distanceM = boxDistanceM(view.eye, facts.bounds);
     if (distanceM <= reachM && isInView(facts.bounds, view.planes)) candidates.push({ facts, distanceM });
@@ -78,7 +81,7 @@ export function refinedSegments(
   let [triangles, bytes] = [0, 0];
   for (const { facts } of candidates) {
     triangles += facts.faces;
-    bytes += facts.length;
+    bytes += facts.bytes;
     if (triangles > maxTriangles || bytes > maxBytes || chosen.length === maxSegments) break;
     chosen.push(facts.segment);
   }

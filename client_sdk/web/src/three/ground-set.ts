@@ -3,7 +3,7 @@
 import type { Group } from "three";
 
 import type { Residency } from "../core/residency.ts";
-import type { MeshData } from "../core/types.ts";
+import type { MeshData, SegmentKey } from "../core/types.ts";
 import type { GpuStore } from "./gpu-store.ts";
 import type { GroundMaterial } from "./ground-material.ts";
 import type { ImageOf } from "./page-move.ts";
@@ -19,10 +19,10 @@ export class GroundSet {
   readonly #store: GpuStore;
   readonly #pages: Pages;
   readonly #residency: Residency;
-  /** Everything of this scene version on its way to the GPU, or there, by id. */
-  readonly #grounds = new Map<number, SegmentGround>();
+  /** Everything of this scene version on its way to the GPU, or there, by key. */
+  readonly #grounds = new Map<SegmentKey, SegmentGround>();
   /** The ones that are shown: of these, or, after a change of version, of the old one. */
-  readonly #shown = new Map<number, SegmentGround>();
+  readonly #shown = new Map<SegmentKey, SegmentGround>();
   /** Whole, and in a page that was not drawn yet. */
   #warming: SegmentGround[] = [];
   readonly #freeing: SegmentGround[] = [];
@@ -52,8 +52,8 @@ export class GroundSet {
     return this.#pages.count;
   }
 
-  /** What is shown, by id. */
-  get shown(): ReadonlyMap<number, SegmentGround> {
+  /** What is shown, by key. */
+  get shown(): ReadonlyMap<SegmentKey, SegmentGround> {
     return this.#shown;
   }
 
@@ -71,7 +71,7 @@ export class GroundSet {
   }
 
   /** A decoded mesh that the residency took. */
-  add(segment: number, data: MeshData): void {
+  add(segment: SegmentKey, data: MeshData): void {
     this.#grounds.set(segment, new SegmentGround(this.#store, this.#pages, segment, data, this.#measureName));
   }
 
@@ -121,14 +121,17 @@ export class GroundSet {
   }
 
   /** Set the flag of one segment. */
-  setShown(segment: number, isShown: boolean): void {
-    // What is to be hidden is looked up among what is shown: after a change of version its id is another segment's.
+  setShown(segment: SegmentKey, isShown: boolean): void {
+    // What is to be hidden is looked up among what is shown: after a change of version there may be another one of this key.
     const ground = isShown ? this.#grounds.get(segment) : this.#shown.get(segment);
     if (!ground?.isWhole) {
       return;
     }
     ground.isShown = isShown;
     if (isShown) {
+      // Only now is it known for certain: what an aim brought has no number until a plan names it.
+      const facts = this.#residency.factsOf(segment);
+      if (facts !== undefined) ground.facts = facts;
       this.#shown.set(segment, ground);
     } else {
       this.#shown.delete(segment);
@@ -136,13 +139,13 @@ export class GroundSet {
   }
 
   /** Mark these of what is shown as fresh, and no others. */
-  markFresh(segments: ReadonlySet<number>): void {
+  markFresh(segments: ReadonlySet<SegmentKey>): void {
     for (const [segment, ground] of this.#shown) ground.isFresh = segments.has(segment);
   }
 
-  /** What is shown, and not at a coarser level, by segment. */
-  get shownAtFullDetail(): ReadonlyMap<number, SegmentGround> {
-    return new Map([...this.#shown].filter(([id, ground]) => id === ground.segment));
+  /** What is shown at full detail, by key. */
+  get shownAtFullDetail(): ReadonlyMap<SegmentKey, SegmentGround> {
+    return new Map([...this.#shown].filter(([, ground]) => !ground.isCoarser));
   }
 
   /** Faces of what is shown. */
@@ -203,7 +206,9 @@ export class GroundSet {
   /** Count and hash (FNV-1a) of the segments that are really drawn. */
   digest(): string {
     const drawn = [...this.#shown].filter(([, ground]) => ground.isShown).map(([segment]) => segment);
-    const hash = drawn.sort((a, b) => a - b).reduce((sum, segment) => Math.imul(sum ^ segment, 0x01000193), 0x811c9dc5);
+    const hash = drawn
+      .sort()
+      .reduce((sum, key) => Math.imul(sum ^ Number.parseInt(key.slice(8), 16), 0x01000193), 0x811c9dc5);
     return `${drawn.length}:${(hash >>> 0).toString(16)}`;
   }
 

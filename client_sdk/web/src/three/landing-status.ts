@@ -16,7 +16,7 @@ export function statusOf(residency: Residency, canSwap: boolean): LandingStatus 
     readyMs: landing?.readyMs ?? null,
     presentableMs: landing?.presentableMs ?? null,
     payloadBytes: landing?.payloadBytes ?? 0,
-    missing: residency.missing(),
+    missing: landing?.missing ?? [],
     refusal: landing?.refusal ?? null,
   };
 }

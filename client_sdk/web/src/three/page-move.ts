@@ -5,12 +5,12 @@
  * once more from its payload. Where that is gone, its page stays as it is.
  */
 
-import type { MeshImage } from "../core/types.ts";
+import type { MeshImage, SegmentKey } from "../core/types.ts";
 import { imageFormOf } from "./gpu-store.ts";
 import type { Page, PageRange } from "./page.ts";
 
 /** The image of a payload that is here, once more; null where it cannot be had. */
-export type ImageOf = (id: number) => Promise<MeshImage | null>;
+export type ImageOf = (id: SegmentKey) => Promise<MeshImage | null>;
 
 /** One move. `step` until `isDone`. */
 export class PageMove {

@@ -16,7 +16,7 @@ import {
   Sphere,
 } from "three";
 
-import type { MeshData, MeshImage } from "../core/types.ts";
+import type { MeshData, MeshImage, SegmentKey } from "../core/types.ts";
 import type { GpuImages, GpuStore, ImageForm } from "./gpu-store.ts";
 import { type GroundMaterial, linear } from "./ground-material.ts";
 import { MAX_RANGES, TRAIT_VECTORS } from "./ground-shader.ts";
@@ -63,7 +63,7 @@ export class PageMesh extends Mesh {
 /** What of a mesh is kept beside the GPU while it is in a page: what it takes to move it, and to draw it. */
 export class PageRange {
   /** Of the payload. */
-  readonly id: number;
+  readonly id: SegmentKey;
   readonly vertexCount: number;
   /** Picking has them as well. */
   readonly indices: IndexArray;
@@ -78,7 +78,7 @@ export class PageRange {
   isWhole = false;
   #isShown = false;
 
-  constructor(id: number, data: MeshData, page: Page, firstVertex: number, firstIndex: number) {
+  constructor(id: SegmentKey, data: MeshData, page: Page, firstVertex: number, firstIndex: number) {
     this.id = id;
     this.vertexCount = data.vertexCount;
     this.indices = data.indices;
@@ -87,7 +87,11 @@ export class PageRange {
     this.firstVertex = firstVertex;
     this.firstIndex = firstIndex;
     this.traits.set([...data.translation, data.stepM, ...data.uvScale, 0, 0]);
-    this.traits.set(linear(segmentColour(data.segment)).toArray(), COLOUR_AT);
+  }
+
+  /** Number in the scene: its colour in mode `segments`. */
+  set segment(segment: number) {
+    this.traits.set(linear(segmentColour(segment)).toArray(), COLOUR_AT);
   }
 
   get isShown(): boolean {
@@ -233,7 +237,7 @@ export class Page {
   }
 
   /** Room for a mesh; whoever calls has asked {@link hasRoom}. */
-  take(id: number, data: MeshData): PageRange {
+  take(id: SegmentKey, data: MeshData): PageRange {
     const range = new PageRange(id, data, this, this.usedVertices, this.usedIndices);
     this.#put(range);
     return range;

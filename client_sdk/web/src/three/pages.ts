@@ -9,7 +9,7 @@
 import type { Group } from "three";
 
 import { gpuBytesOf, MAX_PAGE_VERTICES, pageBytes } from "../core/gpu-budget.ts";
-import type { MeshData } from "../core/types.ts";
+import type { MeshData, SegmentKey } from "../core/types.ts";
 import { type GpuStore, imageFormOf } from "./gpu-store.ts";
 import type { GroundMaterial } from "./ground-material.ts";
 import { MAX_RANGES } from "./ground-shader.ts";
@@ -76,7 +76,7 @@ export class Pages {
    * together before: `tidy` does it.
    */
   reserve(
-    id: number,
+    id: SegmentKey,
     data: MeshData,
     parts: readonly VertexPart[],
     coming: () => readonly ComingMesh[],

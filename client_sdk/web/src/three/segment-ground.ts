@@ -1,6 +1,6 @@
 /** One segment on the GPU: uploaded in slices into a page, then shown and hidden by a flag. */
 
-import type { AttributeCodes, MeshData } from "../core/types.ts";
+import type { AttributeCodes, MeshData, SegmentFacts, SegmentKey } from "../core/types.ts";
 import { FaceBoxes } from "./face-boxes.ts";
 import type { GpuStore } from "./gpu-store.ts";
 import { vertexParts } from "./mesh-room.ts";
@@ -10,10 +10,11 @@ import type { ComingMesh, Pages } from "./pages.ts";
 
 /** A segment. `step` until `isWhole`; `free` once. */
 export class SegmentGround {
-  /** Of the payload: which segment, and at which level. */
-  readonly id: number;
-  /** Of the scene, at whichever level. */
-  readonly segment: number;
+  /** Of the payload. */
+  readonly id: SegmentKey;
+  /** Number in the scene, at whichever level; -1 until it was shown. */
+  segment = -1;
+  isCoarser = false;
   readonly faceCount: number;
   readonly vertexCount: number;
   /** For picking; keeps positions, indices and region ids of the decoded mesh, and nothing else of it. */
@@ -29,9 +30,8 @@ export class SegmentGround {
   #range: PageRange | null = null;
   #upload: MeshUpload | null = null;
 
-  constructor(store: GpuStore, pages: Pages, id: number, data: MeshData, measureName: string | null) {
+  constructor(store: GpuStore, pages: Pages, id: SegmentKey, data: MeshData, measureName: string | null) {
     this.id = id;
-    this.segment = data.segment;
     this.faceCount = data.faceCount;
     this.vertexCount = data.vertexCount;
     this.bounds = data.bounds;
@@ -66,6 +66,13 @@ export class SegmentGround {
   /** Of what is whole. */
   set isShown(isShown: boolean) {
     if (this.#range !== null) this.#range.isShown = isShown;
+  }
+
+  /** What it is in the scene. */
+  set facts({ segment, isCoarser }: SegmentFacts) {
+    this.segment = segment;
+    this.isCoarser = isCoarser;
+    if (this.#range !== null) this.#range.segment = segment;
   }
 
   /** Washed with colour as long as the material says. */

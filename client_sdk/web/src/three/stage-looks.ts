@@ -2,6 +2,7 @@
 
 import type { WebGLRenderer } from "three";
 
+import type { SegmentKey } from "../core/types.ts";
 import type { BaseGround } from "./base-ground.ts";
 import type { GroundMaterial } from "./ground-material.ts";
 import type { GroundSet } from "./ground-set.ts";
@@ -20,7 +21,7 @@ export class StageLooks {
   readonly #material: GroundMaterial;
   readonly #grounds: GroundSet;
   #mode: ViewMode = { kind: "colour" };
-  #newlyShown: ReadonlySet<number> = new Set();
+  #newlyShown: ReadonlySet<SegmentKey> = new Set();
   #freshSinceMs: number | null = null;
   /** Where base and detail are compared, as a share of the picture's width; null where they are not. */
   split: number | null = null;
@@ -60,7 +61,7 @@ export class StageLooks {
   }
 
   /** These were shown by the newest swap. */
-  swapped(shown: readonly number[]): void {
+  swapped(shown: readonly SegmentKey[]): void {
     this.#newlyShown = new Set(shown);
   }
 

@@ -19,7 +19,6 @@ import {
 import { budgetsFor, type DeviceBudgets, type DeviceClass } from "../core/budgets.ts";
 import { loadSceneInWorker } from "../core/client/load-scene.ts";
 import { openStream } from "../core/client/open-stream.ts";
-import { hiddenFaces } from "../core/cover.ts";
 import { gpuBytesOf, sharesOf } from "../core/gpu-budget.ts";
 import { coarseRadiusOf, defaultRadiusM, waitingOf } from "../core/landing-defaults.ts";
 import { Residency } from "../core/residency.ts";
@@ -27,11 +26,13 @@ import { passOn } from "../core/residency-events.ts";
 import { StreamError } from "../core/scene/errors.ts";
 import type {
   Bounds,
+  FaceBits,
   LandOptions,
   LinkState,
   MeshData,
   PickHit,
   SceneFiles,
+  SegmentKey,
   Stream,
   StreamEvent,
   TaughtPicture,
@@ -313,9 +314,14 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
     return this.#link;
   }
 
-  /** Segments shown, ascending. */
+  /** Numbers of the segments shown, ascending; those at the coarser level are counted on from the finer ones. */
   get shownSegments(): readonly number[] {
-    return this.#residency.visible;
+    const { segmentCount } = this.#files.manifest;
+    const numbers = this.#residency.visible.map((key) => {
+      const facts = this.#residency.factsOf(key);
+      return facts === undefined ? -1 : facts.segment + (facts.isCoarser ? segmentCount : 0);
+    });
+    return numbers.sort((a, b) => a - b);
   }
 
   get mode(): ViewMode {
@@ -734,11 +740,11 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
     }
   }
 
-  #mesh(segment: number): Promise<MeshData> {
+  #mesh(segment: SegmentKey): Promise<MeshData> {
     return this.stream.mesh(segment, this.#files.manifest.attributes);
   }
 
-  #onMesh(segment: number, data: MeshData, epoch: number): void {
+  #onMesh(segment: SegmentKey, data: MeshData, epoch: number): void {
     // The bitmap is this side's to close wherever the mesh is not taken: memory of images is not collected in time.
     if (this.#isDisposed || !this.#residency.decoded(segment, epoch, gpuBytesOf(data))) {
       closeImage(data.image);
@@ -747,7 +753,7 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
     this.#grounds.add(segment, data);
   }
 
-  /** Whether base and cover of what comes are not here yet: nothing of it is shown before. */
+  /** Whether the base of what comes is not here yet: nothing of it is shown before. */
   get #isBehind(): boolean {
     return this.#isOldVersion || this.#files.isOverview === true;
   }
@@ -762,15 +768,13 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
         this.#prepareHidden(restorable, RESTORED_REVISION);
       }
     } else if (this.#residency.coming) {
-      this.#prepareHidden(this.#residency.coming, this.#residency.comingRevision);
+      this.#prepareHidden(this.#residency.coming.hidden, this.#residency.comingRevision);
     }
   }
 
-  /** Prepare the base to be drawn without the faces under these payloads, whatever their level. */
-  #prepareHidden(ids: readonly number[], revision: number): void {
-    if (revision === this.#base.targetRevision) return;
-    const { manifest, cover } = this.#files;
-    this.#base.prepare(hiddenFaces(cover, new Set(ids.map((id) => id % manifest.segmentCount))), revision);
+  /** Prepare the base to be drawn without these faces. */
+  #prepareHidden(hidden: FaceBits, revision: number): void {
+    if (revision !== this.#base.targetRevision) this.#base.prepare(hidden, revision);
   }
 
   #finishRestoring(): void {

@@ -1,6 +1,6 @@
 /** The values that pass between the drawn scene (`three`), the headset (`xr`) and the page (`app`). */
 
-import type { Bounds, LandOptions, PlanFacts, StreamStats, Vec3 } from "../core/types.ts";
+import type { Bounds, LandOptions, PlanFacts, SegmentKey, StreamStats, Vec3 } from "../core/types.ts";
 
 /** How the ground is coloured. `colour` is the survey's own look: textures where there are any, else vertex colours. */
 export type ViewMode =
@@ -58,7 +58,7 @@ export interface LandingStatus {
   readonly readyMs: number | null;
   readonly presentableMs: number | null;
   readonly payloadBytes: number;
-  readonly missing: readonly number[];
+  readonly missing: readonly SegmentKey[];
   /** Why it was refused. */
   readonly refusal: string | null;
 }
@@ -77,8 +77,8 @@ export interface MiniaturePose {
 /** What one swap changed. */
 export interface SwapReport {
   readonly landing: number;
-  readonly shown: readonly number[];
-  readonly hidden: readonly number[];
+  readonly shown: readonly SegmentKey[];
+  readonly hidden: readonly SegmentKey[];
   readonly hiddenBaseFaces: number;
   readonly degraded: boolean;
 }

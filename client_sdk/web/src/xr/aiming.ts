@@ -6,7 +6,6 @@ import { judgeFooting, newStand } from "../three/footing.ts";
 import type { Landings } from "../three/types.ts";
 import { ARC_DEFAULTS, castArc, cutShort, newArc, pointsAway, throwArc } from "./arc.ts";
 import { isHand, type Pointer } from "./inputs.ts";
-import { newReadiness, type Readiness, readinessOf, resetReadiness } from "./readiness.ts";
 import { createRibbon } from "./ribbon.ts";
 import { createRing } from "./ring.ts";
 import { facingOfStick } from "./snap.ts";
@@ -15,8 +14,6 @@ import { BEFORE_MS, clearTrail, newTrail, noteTarget, targetBefore } from "./ste
 /** The service is told of at most ten places a second, and of none that is nearly the last. */
 const AIM_EVERY_MS = 100;
 const AIM_MOVED_M = 0.25;
-/** Ground so far away is another landing: what was said of the readiness counts no more. */
-const AIM_ELSEWHERE_M = 3;
 
 export interface Aimed {
   readonly position: Vec3;
@@ -27,7 +24,6 @@ export interface Aimed {
 
 export interface Aiming {
   readonly objects: readonly Object3D[];
-  readonly readiness: Readiness;
   /** Casts of the last frame. */
   readonly casts: number;
   begin(): void;
@@ -49,7 +45,6 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
   const arc = newArc();
   const stand = newStand();
   const trail = newTrail();
-  const readiness = newReadiness();
   const ribbon = createRibbon(ARC_DEFAULTS.pieces + 1);
   const ring = createRing();
   let casts = 0;
@@ -72,22 +67,17 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
     if (movedM < AIM_MOVED_M || nowMs - sentMs < AIM_EVERY_MS) {
       return;
     }
-    if (movedM > AIM_ELSEWHERE_M) {
-      resetReadiness(readiness);
-    }
     sentPosition = position;
     sentMs = nowMs;
     landings.prefetch(position, radiusM());
   };
   return {
     objects: [ribbon.object, ring.object],
-    readiness,
     get casts() {
       return casts;
     },
     begin() {
       clearTrail(trail);
-      resetReadiness(readiness);
       turnRad = 0;
       sentPosition = null;
     },
@@ -117,8 +107,7 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
       }
       // (3) The service is told only where a release would land.
       sendAim(arc.hit.position, nowMs);
-      const fraction = readinessOf(readiness);
-      ring.show(fraction >= 1 ? "ready" : "aim", fraction);
+      ring.show("aim", 1);
     },
     aimed(pointer, nowMs) {
       const position = targetBefore(trail, nowMs, isHand(pointer.source) ? BEFORE_MS : 0);

@@ -16,7 +16,6 @@ import { type Announced, messageOf, sentence, statusLine } from "./messages.ts";
 import { holdPalm, newPalmHold, palmTowards } from "./palm.ts";
 import { createMenuDesk } from "./panels.ts";
 import { yawOfAzimuth } from "./pose.ts";
-import { noteEvent } from "./readiness.ts";
 import { createRing } from "./ring.ts";
 import { borrowCamera, requestSession, startSession } from "./session.ts";
 import { createSky } from "./sky.ts";
@@ -423,7 +422,6 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       }
     },
     handle(event: StreamEvent) {
-      noteEvent(aiming.readiness, event);
       if (event.type === "opened") {
         maxRadiusM = event.maxRadiusM;
       }

@@ -1,15 +1,15 @@
 /**
- * The landing ring: lies on the ground where the arc comes down, shows whether one may land there, and how ready it is.
+ * The landing ring: lies on the ground where the arc comes down and shows whether one may land there.
  *
- * Meaning is carried by shape first, colour second: an arc of the ring fills clockwise as payload comes; ready is a full ring
- * with a dot; what waits for its payload has a second, inner ring; no landing is a broken ring with a cross.
+ * Meaning is carried by shape first, colour second: what waits for its payload has a second, inner ring, and an arc of the ring
+ * fills clockwise as it comes; no landing is a broken ring with a cross.
  */
 
 import { Color, CylinderGeometry, Group, Mesh, PlaneGeometry, Quaternion, ShaderMaterial, Vector3 } from "three";
 import type { Vec3 } from "../core/types.ts";
 
-/** `aim`: one may land. `ready`: and nothing has to be waited for. `waiting`: asked for. `invalid`: not here. */
-export type RingState = "aim" | "ready" | "waiting" | "invalid";
+/** `aim`: one may land. `waiting`: asked for. `invalid`: not here. */
+export type RingState = "aim" | "waiting" | "invalid";
 
 /** Radius, metres; farther away it grows, so that it is never smaller than 1.1 degrees. */
 export const RING_RADIUS_M = 0.45;
@@ -21,11 +21,10 @@ const MARGIN = 1.4;
 // Light on dark rock and dark-edged on bright sand. Blue and orange differ for every kind of colour vision.
 const COLOURS: Readonly<Record<RingState, Color>> = {
   aim: new Color(0x8fd3ff),
-  ready: new Color(0x4cc3ff),
   waiting: new Color(0xffffff),
   invalid: new Color(0xff8a3c),
 };
-const CODES: Readonly<Record<RingState, number>> = { aim: 0, ready: 1, waiting: 2, invalid: 3 };
+const CODES: Readonly<Record<RingState, number>> = { aim: 0, waiting: 1, invalid: 2 };
 
 // Depth is taken from a little nearer to the eye, so pebbles under the ring do not eat it; its place is not changed, so both
 // eyes still see it lying on the ground.
@@ -65,12 +64,9 @@ void main() {
   float lit = ring * step(clockwise, uFraction);
   float faint = ring * 0.3;
   if (uState == 1) {
-    lit = max(ring, band(r, -1.0, 0.2));
-    dark = max(dark, band(r, -1.0, 0.27) * 0.55);
-  } else if (uState == 2) {
     lit = max(lit, band(r, 0.52, 0.6));
     dark = max(dark, band(r, 0.47, 0.65) * 0.55);
-  } else if (uState == 3) {
+  } else if (uState == 2) {
     float gaps = step(0.35, fract(clockwise * 12.0));
     vec2 q = abs(vec2(vPlace.x + vPlace.y, vPlace.x - vPlace.y)) * 0.7071;
     float arm = band(min(q.x, q.y), -1.0, 0.09) * band(r, -1.0, 0.6);
@@ -79,7 +75,7 @@ void main() {
     faint = 0.0;
     dark = max(dark * gaps, armDark * 0.55);
   }
-  if (uState != 3) {
+  if (uState != 2) {
     float reach = (1.36 - vPlace.y) * 0.8;
     float soft = fwidth(vPlace.x);
     float arrow = step(1.12, vPlace.y) * (1.0 - smoothstep(reach - soft, reach + soft, abs(vPlace.x)));

@@ -1,108 +1,97 @@
 /**
- * The other end of a link: a server that answers what it is asked, one landing at a time, and no more. How a session
- * behaves is shown by the session corpus, which the real server's state machine made; tests of the link need somebody
- * who answers at a time that they choose.
+ * The other end of a link: a server that answers what it is asked, one landing at a time. How a session behaves is shown by
+ * the landings corpus, which the real server made; tests of the link need a server that answers when they choose.
  */
 
-import { decodeMessage, encodeMessage } from "../../src/core/wire/codec.ts";
-import { encodeFrame } from "../../src/core/wire/frames.ts";
-import type { ClientMessage, LandMessage, ServerMessage } from "../../src/core/wire/messages.generated.ts";
-import { PROTOCOL } from "../../src/core/wire/messages.generated.ts";
-import type { ToyScene } from "./toy-scene.ts";
+import { gzipSync } from "node:zlib";
+import type { Vec3 } from "../../src/core/types.ts";
+import { type Plain, readMsgpack, WholeFloat, writeMsgpack } from "../../src/core/wire/msgpack.ts";
+import { TOY, type ToySegment, toyWithin } from "./toy-scene.ts";
 
 type Data = Uint8Array<ArrayBuffer>;
+type Fields = Readonly<Record<string, unknown>>;
+
+const HIDDEN = new Uint8Array(gzipSync(new Uint8Array(1)));
 
 /** One connection. */
 export class AnsweringServer {
-  /** Everything that the client said, in order. */
-  readonly heard: ClientMessage[] = [];
-  readonly #scene: ToyScene;
-  readonly #held = new Set<number>();
-  readonly #out: ServerMessage[] = [];
-  /** The landing that is being sent. */
-  #landing: { generation: number; queue: number[]; bytes: number } | null = null;
+  /** Everything that the client sent, in order. */
+  readonly received: (Fields & { readonly type: string })[] = [];
+  readonly #out: Data[] = [];
 
-  constructor(scene: ToyScene) {
-    this.#scene = scene;
-  }
-
-  say(message: ServerMessage): void {
-    this.#out.push(message);
+  send(message: Fields): void {
+    this.#out.push(writeMsgpack(toPlain(message)));
   }
 
   receive(data: Data): void {
-    const message = decodeMessage(data, "client_to_server");
-    if (message.type === "unknown") throw new Error(`the client said ${message.name}`);
-    this.heard.push(message);
-    if (message.type === "hello") this.#welcome(message);
+    const message = fromPlain(readMsgpack(data)) as Fields & { readonly type: string };
+    this.received.push(message);
+    if (message.type === "hello") this.#welcome();
     else if (message.type === "land") this.#plan(message);
-    else if (message.type === "evict") for (const segment of message.segments) this.#held.delete(segment);
   }
 
-  /** The next WebSocket message; null where nothing is to be said. */
+  /** The next WebSocket message; null where nothing is to be sent. */
   next(): Data | null {
-    const message = this.#out.shift();
-    if (message !== undefined) return encodeMessage(message);
-    const landing = this.#landing;
-    if (landing === null) return null;
-    const { generation, bytes } = landing;
-    const segment = landing.queue.shift();
-    if (segment === undefined) {
-      this.#landing = null;
-      return encodeMessage({ type: "ready", generation, delivered: 0, payload_bytes: bytes, missing: [] });
-    }
-    const chunk = this.#scene.payloads[segment]!;
-    landing.bytes += chunk.length;
-    this.#held.add(segment);
-    return encodeFrame({ generation, segment, offset: 0, total: chunk.length, chunk });
+    return this.#out.shift() ?? null;
   }
 
-  #welcome(hello: ClientMessage & { type: "hello" }): void {
-    for (const { segment } of hello.held ?? []) this.#held.add(segment);
-    this.say({
+  #welcome(): void {
+    this.send({
       type: "welcome",
-      protocol: PROTOCOL,
       server: "answering",
       session: "s",
-      scene: { id: "toy", version: this.#scene.version, name: "toy", segment_count: this.#scene.facts.length },
+      scene: { id: "toy", version: "v1", name: "toy", segment_count: TOY.length, base_faces: 8, levels: 1 },
       limits: {
         max_radius_m: 500,
         max_message_bytes: 1 << 20,
         max_messages_per_s: 60,
-        max_held_segments: 1000,
-        max_plan_segments: 16384,
         max_credit_bytes: 1 << 26,
         idle_timeout_s: 60,
+        groups: "none",
       },
-      release_factor: 1,
-      dropped: [],
-      held_count: this.#held.size,
     });
   }
 
-  #plan({ generation, position, radius_m }: LandMessage): void {
-    const superseded = this.#landing?.generation;
-    if (superseded !== undefined)
-      this.say({ type: "superseded", generation: superseded, by: generation, unsent_bytes: 0 });
-    const wanted = this.#scene.within(position, radius_m);
-    const load = wanted.filter((segment) => !this.#held.has(segment));
-    this.#landing = { generation, queue: load, bytes: 0 };
-    this.say({
-      type: "plan",
-      generation,
-      position,
-      radius_m,
-      release_radius_m: radius_m,
-      effective_radius_m: radius_m,
-      inner_count: 0,
-      load: load.map((segment) => this.#scene.facts[segment]!),
-      keep: wanted.filter((segment) => this.#held.has(segment)),
-      nearby: [],
-      load_bytes: this.#scene.bytesOf(load),
-      load_triangles: 10 * load.length,
-      total_bytes: this.#scene.bytesOf(wanted),
-      total_triangles: 10 * wanted.length,
-      omitted_segments: 0,
+  #plan({ generation, position, radius_m: radiusM, have }: Fields): void {
+    const held = have as Uint8Array;
+    const isHeld = ({ key }: ToySegment) =>
+      Array.from({ length: held.length / 8 }, (_, at) => Buffer.from(held).readBigUInt64LE(8 * at)).includes(
+        BigInt(`0x${key}`),
+      );
+    const show = toyWithin(position as Vec3, radiusM as number);
+    const rows = new DataView(new ArrayBuffer(28 * show.length));
+    show.forEach((segment, row) => {
+      rows.setBigUint64(28 * row, BigInt(`0x${segment.key}`), true);
+      const { length } = segment.payload;
+      for (const [place, value] of [row, length, 1, 3, Number(!isHeld(segment))].entries()) {
+        rows.setUint32(28 * row + 8 + 4 * place, value, true);
+      }
     });
+    const table = new Uint8Array(rows.buffer);
+    this.send({ type: "plan", generation, show: table, hidden: HIDDEN, effective_radius_m: radiusM, omitted: 0 });
+    for (const { key, payload } of show.filter((segment) => !isHeld(segment))) {
+      const frame = new Uint8Array(24 + payload.length);
+      const view = new DataView(frame.buffer);
+      view.setUint8(0, 1);
+      view.setUint16(2, 24, true);
+      view.setUint32(4, generation as number, true);
+      view.setBigUint64(8, BigInt(`0x${key}`), true);
+      view.setUint32(20, payload.length, true);
+      frame.set(payload, 24);
+      this.#out.push(frame);
+    }
+    this.send({ type: "ready", generation });
   }
+}
+
+function toPlain(value: unknown): Plain {
+  if (typeof value !== "object" || value === null || value instanceof Uint8Array) return value as Plain;
+  if (Array.isArray(value)) return value.map(toPlain);
+  return new Map(Object.entries(value).map(([key, one]) => [key, toPlain(one)]));
+}
+
+function fromPlain(value: Plain): unknown {
+  if (value instanceof Map) return Object.fromEntries([...value].map(([key, one]) => [key, fromPlain(one)]));
+  if (Array.isArray(value)) return value.map(fromPlain);
+  return value instanceof WholeFloat ? value.value : value;
 }

@@ -13,11 +13,10 @@ import type { LandingOrder } from "../../src/app/viewer/landing-desk.ts";
 import type { ViewerState } from "../../src/app/viewer/state.ts";
 import { EYE_HEIGHT_M } from "../../src/app/walk-pose.ts";
 import { budgetsFor } from "../../src/core/budgets.ts";
-import { hiddenFaces } from "../../src/core/cover.ts";
 import { defaultRadiusM } from "../../src/core/landing-defaults.ts";
 import { loadScene } from "../../src/core/scene/load.ts";
 import { sceneUrlOf } from "../../src/core/scene/urls.ts";
-import type { SceneFiles, Vec3 } from "../../src/core/types.ts";
+import type { MeshData, SceneFiles, Vec3 } from "../../src/core/types.ts";
 import { FaceBoxes } from "../../src/three/face-boxes.ts";
 import { isBuried, standNear } from "../../src/three/footing.ts";
 import { castGround, groundOnVertical, type Pickable, type ShownGround } from "../../src/three/ground-picking.ts";
@@ -36,14 +35,14 @@ async function everySegment(sceneUrl: string, files: SceneFiles): Promise<Pickab
   const middle: Vec3 = [0, 1, 2].map((axis) => (bounds[axis]! + bounds[axis + 3]!) / 2) as unknown as Vec3;
   const { visible } = await ready(stream.land(middle, Math.hypot(bounds[3] - bounds[0], bounds[5] - bounds[2])));
   expect(visible).toHaveLength(files.manifest.segmentCount);
-  const meshes = await Promise.all(visible.map((segment) => stream.mesh(segment, files.manifest.attributes)));
+  const meshes = await Promise.all(visible.map((key) => stream.mesh(key, files.manifest.attributes)));
   stream.close();
-  return meshes.map((mesh) => ({ segment: mesh.segment, bounds: mesh.bounds, boxes: new FaceBoxes(mesh) }));
+  return meshes.map((mesh, segment) => ({ segment, bounds: mesh.bounds, boxes: new FaceBoxes(mesh) }));
 }
 
 /** A scene that is clicked on: `shown` is what the page has at the moment. */
 function clickable(files: SceneFiles, segments: readonly Pickable[]) {
-  const { manifest, cover } = files;
+  const { manifest } = files;
   const base: Pickable = { segment: -1, bounds: files.base.bounds, boxes: new FaceBoxes(files.base) };
   const pushM = manifest.deviationM;
   const bare: ShownGround = { segments: [], base, hidden: undefined, pushM };
@@ -68,10 +67,25 @@ function clickable(files: SceneFiles, segments: readonly Pickable[]) {
         const beyond = [0, 1, 2].map((axis) => Math.max(bounds[axis]! - at[axis]!, 0, at[axis]! - bounds[axis + 3]!));
         return Math.hypot(...beyond) <= radiusM;
       });
-      const hidden = hiddenFaces(cover, new Set(near.map(({ segment }) => segment)));
+      const hidden = facesUnder(files.base, near);
       shown = { segments: near, base, hidden, pushM };
     },
   };
+}
+
+/** Faces of the base of which every corner is in the box of one of these. The service hides no others, and a few less. */
+function facesUnder(base: MeshData, near: readonly Pickable[]): Uint8Array {
+  const { positions, translation, stepM, indices, faceCount } = base;
+  const stride = positions instanceof Uint16Array ? 4 : 3;
+  const isUnder = (vertex: number) => {
+    const [x, z] = [0, 2].map((axis) => translation[axis]! + stepM * positions[stride * vertex + axis]!);
+    return near.some(({ bounds: b }) => x! >= b[0]! && x! <= b[3]! && z! >= b[2]! && z! <= b[5]!);
+  };
+  const hidden = new Uint8Array(Math.ceil(faceCount / 8));
+  for (let face = 0; face < faceCount; face += 1) {
+    if ([0, 1, 2].every((corner) => isUnder(indices[3 * face + corner]!))) hidden[face >> 3]! |= 1 << (face & 7);
+  }
+  return hidden;
 }
 
 const nothing = () => {};

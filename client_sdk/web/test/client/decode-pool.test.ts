@@ -24,7 +24,7 @@ class StandInWorker {
   }
 
   answer(): void {
-    const mesh = { segment: this.jobs.at(-1)?.segment } as unknown as MeshData;
+    const mesh = { faceCount: this.jobs.at(-1)?.payload[0] } as unknown as MeshData;
     this.onmessage?.({ data: { type: "decoded", mesh } });
   }
 
@@ -35,8 +35,8 @@ class StandInWorker {
 
 let workers: StandInWorker[];
 let pool: DecodePool;
-const payload = Uint8Array.of(1, 2, 3);
-const job = (segment: number): DecodeJob => ({ payload, segment, attributes: [] });
+/** Its mesh has as many faces as the number says. */
+const job = (number: number): DecodeJob => ({ payload: Uint8Array.of(number), attributes: [] });
 
 beforeEach(() => {
   vi.useFakeTimers();
@@ -55,10 +55,10 @@ afterEach(() => {
 
 test("no more workers than allowed, one job each, in order", async () => {
   const meshes = [4, 5, 6, 7].map((segment) => pool.decode(job(segment)));
-  expect(workers.map((worker) => worker.jobs.map((job) => job.segment))).toEqual([[4], [5]]);
+  expect(workers.map((worker) => worker.jobs.map((job) => job.payload[0]))).toEqual([[4], [5]]);
   for (const worker of [1, 0, 1, 0]) workers[worker]!.answer();
-  expect((await Promise.all(meshes)).map((mesh) => mesh.segment)).toEqual([4, 5, 6, 7]);
-  expect(workers.map((worker) => worker.jobs.map((job) => job.segment))).toEqual([
+  expect((await Promise.all(meshes)).map((mesh) => mesh.faceCount)).toEqual([4, 5, 6, 7]);
+  expect(workers.map((worker) => worker.jobs.map((job) => job.payload[0]))).toEqual([
     [4, 7],
     [5, 6],
   ]);
@@ -66,7 +66,7 @@ test("no more workers than allowed, one job each, in order", async () => {
 
 test("a payload is copied for the worker: the cache keeps its own", () => {
   const view = new Uint8Array(64).subarray(24, 27);
-  pool.decode({ payload: view, segment: 1, attributes: [] }).catch(() => {});
+  pool.decode({ payload: view, attributes: [] }).catch(() => {});
   const sent = workers[0]!.jobs[0]!.payload;
   expect([sent.byteLength, sent.buffer.byteLength, sent.buffer === view.buffer]).toEqual([3, 3, false]);
 });
@@ -77,10 +77,10 @@ test("a worker that fails is told to its job alone, and replaced", async () => {
   const third = pool.decode(job(3));
   workers[0]!.crash();
   await expect(first).rejects.toMatchObject({ code: "worker_failed", message: expect.stringContaining("memory") });
-  expect([workers.length, workers[0]!.ended, workers[2]!.jobs[0]?.segment]).toEqual([3, true, 3]);
+  expect([workers.length, workers[0]!.ended, workers[2]!.jobs[0]?.payload[0]]).toEqual([3, true, 3]);
   workers[1]!.answer();
   workers[2]!.answer();
-  expect([(await second).segment, (await third).segment]).toEqual([2, 3]);
+  expect([(await second).faceCount, (await third).faceCount]).toEqual([2, 3]);
 });
 
 test("a worker that is stuck is ended", async () => {

@@ -48,7 +48,7 @@ async function throughProxy(): Promise<CuttingProxy> {
 afterEach(async () => {
   for (const { stream, events } of open.splice(0)) {
     stream.close();
-    // Whoever logs events, or sends them on, does it as JSON.
+    // Events can be logged as JSON.
     expect(() => JSON.stringify(events)).not.toThrow();
   }
   for (const proxy of proxies.splice(0)) await proxy.close();
@@ -68,19 +68,15 @@ describe.skipIf(skipped !== null)(`on a real server${skipped === null ? "" : ` (
     const stats = await stream.stats();
     expect(stats.repeatedBytes).toBe(0);
     expect(stats.payloadBytes).toBe(first.payloadBytes + hop.payloadBytes);
-    const facts = of("arrived").map((event) => event.facts);
-    expect(stats.heldBytes).toBe(facts.reduce((sum, row) => sum + row.length, 0));
+    const arrived = of("arrived");
+    expect(stats.heldBytes).toBe(arrived.reduce((sum, { bytes }) => sum + bytes, 0));
     const { manifest } = await loadScene(sceneUrlOf(TERRAPORT_URL ?? "", TERRAPORT_SCENE));
-    for (const segment of first.visible.slice(0, 4)) {
-      const mesh = await stream.mesh(segment, manifest.attributes);
-      const announced = facts.find((row) => row.segment === segment);
-      expect([mesh.segment, mesh.faceCount, mesh.vertexCount]).toEqual([
-        segment,
-        announced?.faces,
-        announced?.vertices,
-      ]);
+    for (const key of first.visible.slice(0, 4)) {
+      const mesh = await stream.mesh(key, manifest.attributes);
+      const row = of("planned")[0]?.plan.show.find((each) => each.key === key);
+      expect([mesh.faceCount, mesh.vertexCount]).toEqual([row?.faces, row?.vertices]);
       expect(mesh.indices.length).toBe(3 * mesh.faceCount);
-      expect([...mesh.bounds]).toEqual([...(announced?.bounds ?? [])]);
+      expect(mesh.bounds).toEqual(arrived.find((each) => each.key === key)?.bounds);
     }
   });
 
@@ -89,16 +85,16 @@ describe.skipIf(skipped !== null)(`on a real server${skipped === null ? "" : ` (
     await until("opened");
     for (let step = 0; step < 20; step++) stream.aim([THERE[0] + step / 100, 10, 60], 30);
     stream.aim(THERE, 30);
-    await until("prefetched", () => of("prefetching").length === of("prefetched").length);
-    await new Promise((resolve) => setTimeout(resolve, 300));
-    expect(of("prefetching").length).toBeLessThanOrEqual(2);
+    // Nothing says that an aim is over.
+    for (let before = -1; before < of("arrived").length; await new Promise((resolve) => setTimeout(resolve, 500))) {
+      before = of("arrived").length || -1;
+    }
     const landed = await ready(stream.land(THERE, 30));
     expect(of("planned")[0]?.plan.loadBytes).toBe(0);
     expect(landed.payloadBytes).toBe(0);
     expect(landed.visible.length).toBeGreaterThan(0);
     const stats = await stream.stats();
     expect([stats.aimedLandings, stats.aimHits]).toEqual([1, 1]);
-    expect(stats.usedPrefetchedBytes).toBe(stats.prefetchedBytes);
   });
 
   test("a newer landing supersedes the older", async () => {
@@ -123,9 +119,8 @@ describe.skipIf(skipped !== null)(`on a real server${skipped === null ? "" : ` (
     proxy.cutAfterBytes = null;
     const landed = await ready(landing);
     expect(proxy.connections).toBe(2);
-    const wholeIds = of("arrived").map((event) => event.facts.segment);
+    const wholeIds = of("arrived").map((event) => event.key);
     expect(new Set(wholeIds).size).toBe(wholeIds.length);
-    expect(of("opened")[1]?.heldCount).toBeGreaterThan(0);
     expect((await stream.stats()).repeatedBytes).toBe(0);
     expect(landed.elapsedMs).toBeGreaterThan(200);
     expect((await pick)?.segment).toBeTypeOf("number");
@@ -153,7 +148,7 @@ describe.skipIf(skipped !== null)(`on a real server${skipped === null ? "" : ` (
     expect(() => stream.land([Number.NaN, 0, 0], 10)).toThrow(RangeError);
     expect(() => stream.aim(HERE, -1)).toThrow(RangeError);
     await expect(stream.pick(HERE, [0, 0, 0])).rejects.toThrow(RangeError);
-    await expect(stream.mesh(123, [])).rejects.toMatchObject({ name: "StreamError", code: "not_held" });
+    await expect(stream.mesh("0123456789abcdef", [])).rejects.toMatchObject({ name: "StreamError", code: "not_held" });
     const far = stream.land(HERE, 100_000);
     const refused = await until("refused");
     expect(refused).toMatchObject({ landing: far, code: "radius_too_large", fatal: false });
@@ -179,7 +174,7 @@ describe.skipIf(skipped !== null)(`on a real server${skipped === null ? "" : ` (
     const count = events.length;
     stream.close();
     await expect(pick).rejects.toMatchObject({ code: "closed" });
-    await expect(stream.mesh(0, [])).rejects.toMatchObject({ code: "closed" });
+    await expect(stream.mesh("0123456789abcdef", [])).rejects.toMatchObject({ code: "closed" });
     await new Promise((resolve) => setTimeout(resolve, 200));
     expect(events.length).toBe(count);
   });
@@ -198,10 +193,15 @@ describe.skipIf(skipped !== null)(`on a real server${skipped === null ? "" : ` (
         .trim()
         .split("\n")
         .map((line) => JSON.parse(line));
-      const { stream, ready } = listen();
+      const { stream, ready, until } = listen();
       const visibleSets: (readonly number[])[] = [];
-      for (const [x, y, z, radiusM] of positions)
-        visibleSets.push((await ready(stream.land([x, y, z], radiusM))).visible);
+      for (const [x, y, z, radiusM] of positions) {
+        const landing = stream.land([x, y, z], radiusM);
+        const { plan } = await until("planned", (event) => event.plan.landing === landing);
+        const visible = new Set((await ready(landing)).visible);
+        const shown = plan.show.filter(({ key }) => visible.has(key));
+        visibleSets.push(shown.map(({ segment }) => segment).sort((a, b) => a - b));
+      }
       expect(visibleSets).toEqual(expected);
     },
     60_000,

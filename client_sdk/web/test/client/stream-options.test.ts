@@ -29,7 +29,6 @@ test("what cannot be is refused where the stream is opened, by its name", () => 
     [{ budgets: { maxBytes: Number.NaN } }, /max_bytes/],
     [{ cacheBytes: Number.NaN }, /cacheBytes/],
     [{ creditBytes: 0 }, /credit/],
-    [{ releaseFactor: 0.5 }, /release_factor/],
   ] as const) {
     const options = { sceneUrl, ...wrong } as unknown as StreamOptions;
     expect(() => openDirectStream(options, { WebSocket: class {} as never })).toThrow(name);

@@ -1,11 +1,10 @@
 import { beforeEach, expect, it } from "vitest";
 import { awayText } from "../../src/app/panel/group-section.ts";
-import type { GroupEvent } from "../../src/core/group-types.ts";
-import { checkGroup } from "../../src/core/session/checks.ts";
-import { GroupState } from "../../src/core/session/group-state.ts";
-import type { ClientMessage, ServerLimitsPart } from "../../src/core/wire/messages.generated.ts";
+import { checkGroup, GroupState } from "../../src/core/extras/group-state.ts";
+import type { GroupEvent } from "../../src/core/extras/group-types.ts";
+import type { ClientMessage, ServerMessage } from "../../src/core/wire/messages.ts";
 
-const LIMITS = { groups: "query" } as ServerLimitsPart;
+const LIMITS = { groups: "query" } as ServerMessage<"welcome">["limits"];
 const JOIN = { type: "join", group: "tour", role: "member", name: "Anna" } as const;
 const JOINED = { type: "joined", request: 7, group: "tour", member: 2, role: "member", seat: "secret" } as const;
 const ROSTER = {
@@ -58,7 +57,6 @@ it("knows where who has landed stands", () => {
   expect(events.at(-1)!.group!.members.map(({ position }) => position)).toEqual([null, [1, 2, 3]]);
 });
 
-// When what is said, skipped and said again: the session corpus.
 it("knows who is there over a lost connection, and nothing more of a seat that was given away", () => {
   joined();
   state.connectionLost();
@@ -86,6 +84,46 @@ it("says why there is no seat, and tells of one that is left", () => {
   joined();
   state.take({ type: "leave" }, 8);
   expect(events.at(-1)).toEqual({ type: "group", news: "left", group: null, refusal: null });
+});
+
+it("says again that it has arrived where a cut may have lost it, and not where nobody waits", () => {
+  joined();
+  state.onMessage(GATHERING);
+  state.take({ type: "arrive", gathering: 3, state: "ready" }, 0);
+  const arrived = { type: "arrived", gathering: 3, state: "ready" };
+  expect(sent.at(-1)).toEqual(arrived);
+  sent = [];
+  state.connectionLost();
+  state.connected(LIMITS);
+  state.onMessage(JOINED);
+  state.onMessage(GATHERING);
+  expect(sent.at(-1)).toEqual(arrived);
+  const { left_ms: _, ...over } = GATHERING;
+  sent = [];
+  state.onMessage(over);
+  expect(sent).toEqual([]);
+});
+
+it("says nothing of an older gathering, and counts from 1 again in a new seat", () => {
+  joined();
+  state.onMessage(GATHERING);
+  state.onMessage({ ...GATHERING, gathering: 4 });
+  sent = [];
+  state.take({ type: "arrive", gathering: 3, state: "ready" }, 0);
+  expect(sent).toEqual([]);
+  state.onMessage({ ...JOINED, seat: "another" });
+  state.onMessage({ ...GATHERING, gathering: 4 });
+  expect(events.at(-1)).toMatchObject({ news: "called", group: { gathering: { number: 4 } } });
+});
+
+it("asks for a gathering as soon as it has its seat again", () => {
+  joined();
+  state.connectionLost();
+  state.take({ type: "gather", position: [1, 2, 3], radiusM: 40 }, 9);
+  expect(sent.filter(({ type }) => type === "gather")).toEqual([]);
+  state.connected(LIMITS);
+  state.onMessage(JOINED);
+  expect(sent.at(-1)).toMatchObject({ type: "gather", request: 9, radius_m: 40 });
 });
 
 it("refuses names that the protocol does not allow, before anything is sent", () => {

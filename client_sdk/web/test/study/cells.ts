@@ -1,11 +1,11 @@
 /** Segments and heads of the tests. */
 
-import type { SegmentFacts } from "../../src/core/types.ts";
-import type { HeadView } from "../../src/study/screen-error.ts";
+import type { HeadView, PlacedSegment } from "../../src/study/screen-error.ts";
 
 /** A segment of 1 m at (x, 0, z). */
-export function cell(segment: number, x: number, z: number, faces = 100): SegmentFacts {
-  return { segment, length: 1000, xxh3: 0n, faces, vertices: 60, bounds: [x, 0, z, x + 1, 1, z + 1] };
+export function cell(segment: number, x: number, z: number, faces = 100): PlacedSegment {
+  const bounds = [x, 0, z, x + 1, 1, z + 1] as const;
+  return { key: `key ${segment}`, segment, isCoarser: false, bytes: 1000, faces, vertices: 60, follows: true, bounds };
 }
 
 /** Sees what lies ahead of the eye, towards -z, or behind it. */

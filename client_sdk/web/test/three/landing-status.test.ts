@@ -4,16 +4,25 @@ import { Residency } from "../../src/core/residency.ts";
 import type { PlanFacts, SegmentFacts } from "../../src/core/types.ts";
 import { statusOf } from "../../src/three/landing-status.ts";
 
-const SEGMENT: SegmentFacts = { segment: 4, length: 10, xxh3: 1n, faces: 1, vertices: 3, bounds: [0, 0, 0, 1, 1, 1] };
+const KEY = "a";
+const HIDDEN = Uint8Array.of(1);
+const SEGMENT: SegmentFacts = {
+  key: KEY,
+  segment: 4,
+  isCoarser: false,
+  bytes: 10,
+  faces: 1,
+  vertices: 3,
+  follows: true,
+};
 const PLAN: PlanFacts = {
   landing: 1,
   position: [1, 2, 3],
   radiusM: 60,
   effectiveRadiusM: 60,
   coarseRadiusM: null,
-  load: [SEGMENT],
-  keep: [],
-  nearby: [],
+  show: [SEGMENT],
+  hidden: HIDDEN,
   loadBytes: 10,
   totalBytes: 10,
   totalTriangles: 1,
@@ -28,11 +37,11 @@ function landed(): Residency {
 }
 
 function upload(residency: Residency): void {
-  residency.arrived(SEGMENT, 1);
+  residency.arrived(KEY, 10, 1);
   residency.takeDecodes();
-  residency.decoded(4, residency.epoch, 100);
-  residency.uploaded(4);
-  residency.warmed(4);
+  residency.decoded(KEY, residency.epoch, 100);
+  residency.uploaded(KEY);
+  residency.warmed(KEY);
   residency.basePrepared(residency.comingRevision);
 }
 
@@ -56,7 +65,7 @@ describe("the status of a landing", () => {
       payloadBytes: 10,
       readyMs: null,
     });
-    residency.ready(1, [4], [], 70, 10);
+    residency.ready(1, [KEY], HIDDEN, [], 70, 10);
     residency.settle(90);
     expect(statusOf(residency, true)).toMatchObject({ phase: "presentable", readyMs: 70, presentableMs: 90 });
     residency.swap();
@@ -66,7 +75,7 @@ describe("the status of a landing", () => {
   it("is not presentable while nothing can be shown", () => {
     const residency = landed();
     residency.planned(PLAN);
-    residency.ready(1, [4], [], 70, 10);
+    residency.ready(1, [KEY], HIDDEN, [], 70, 10);
     upload(residency);
     expect(statusOf(residency, false).phase).toBe("streaming");
     expect(statusOf(residency, true).phase).toBe("presentable");
@@ -74,8 +83,8 @@ describe("the status of a landing", () => {
 
   it("streams on after the inner part was shown", () => {
     const residency = landed();
-    residency.planned({ ...PLAN, load: [SEGMENT, { ...SEGMENT, segment: 5 }] });
-    residency.degraded(1, [4]);
+    residency.planned({ ...PLAN, show: [SEGMENT, { ...SEGMENT, key: "b" }] });
+    residency.degraded(1, [KEY], HIDDEN);
     upload(residency);
     expect(statusOf(residency, true).phase).toBe("degraded-presentable");
     residency.swap();

@@ -25,11 +25,14 @@ function imageOf(id: number, kind: typeof COMPRESSED | typeof DRAWABLE): Compres
   return { width: 8, height: 4, ...kind, levels: [16, 8, 4, 2].map((size) => new Uint8Array(size).fill(id % 251)) };
 }
 
-function meshOf(id: number, vertexCount: number, image: CompressedImage | null = null): MeshData {
+/** A mesh and its number. */
+type TestMesh = MeshData & { readonly id: number };
+
+function meshOf(id: number, vertexCount: number, image: CompressedImage | null = null): TestMesh {
   const faceCount = 2 * vertexCount;
   const codes = Uint16Array.from({ length: 4 * vertexCount }, (_, at) => (at * 7919 + id * 104_729) % 65_536);
   return {
-    segment: id,
+    id,
     vertexCount,
     faceCount,
     translation: [id, 0, 0],
@@ -44,14 +47,14 @@ function meshOf(id: number, vertexCount: number, image: CompressedImage | null =
     indices: Uint16Array.from({ length: 3 * faceCount }, (_, at) => (at * 31 + id) % vertexCount),
     image: image && { width: image.width, height: image.height, pixels: image },
     bounds: [0, 0, 0, 1, 1, 1],
-  } as MeshData;
+  } as unknown as TestMesh;
 }
 
 /** Pages, and what was put into them. */
 class Shelf {
   readonly store = new GpuStore(fakeRenderer());
   readonly group = new Group();
-  readonly ranges = new Map<number, readonly [MeshData, PageRange]>();
+  readonly ranges = new Map<number, readonly [TestMesh, PageRange]>();
   readonly pages: Pages;
   mostBytes = 0;
   /** Ids name other payloads than those that are here. */
@@ -59,17 +62,17 @@ class Shelf {
 
   constructor(maxBytes = Number.POSITIVE_INFINITY) {
     const material = new GroundMaterial({ stepM: 2 ** -12, textures: null } as unknown as SceneManifest, []);
-    const again = async (id: number) => {
-      const image = this.ranges.get(id)?.[0].image ?? null;
-      return this.hasLeft && image ? { ...image, pixels: imageOf(id + 1, COMPRESSED) } : image;
+    const again = async (id: string) => {
+      const image = this.ranges.get(Number(id))?.[0].image ?? null;
+      return this.hasLeft && image ? { ...image, pixels: imageOf(Number(id) + 1, COMPRESSED) } : image;
     };
     this.pages = new Pages(this.group, this.store, material, maxBytes, again);
   }
 
   /** False where pages had to be moved, and a step of it was done. */
-  async put(data: MeshData, coming: readonly ComingMesh[] = []): Promise<boolean> {
+  async put(data: TestMesh, coming: readonly ComingMesh[] = []): Promise<boolean> {
     const parts = vertexParts(data);
-    const range = this.pages.reserve(data.segment, data, parts, () => coming);
+    const range = this.pages.reserve(String(data.id), data, parts, () => coming);
     this.#note();
     if (range === null) {
       await this.tidy();
@@ -81,7 +84,7 @@ class Shelf {
     while (!upload.isDone) upload.step();
     range.isShown = true;
     this.pages.completed(range);
-    this.ranges.set(data.segment, [data, range]);
+    this.ranges.set(data.id, [data, range]);
     return true;
   }
 

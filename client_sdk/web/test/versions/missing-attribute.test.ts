@@ -40,8 +40,8 @@ describe("height_change_m in view", () => {
       pages.setMeasure(name);
       ground.setMeasure(name);
     };
-    const data = await decodeSegment(new Uint8Array(readFileSync(new URL(file, PAYLOADS))), 3, SCALES);
-    const ground = new SegmentGround(store, pages, data.segment, data, NAME);
+    const data = await decodeSegment(new Uint8Array(readFileSync(new URL(file, PAYLOADS))), SCALES);
+    const ground = new SegmentGround(store, pages, "key", data, NAME);
     for (let step = 0; step < 100 && !ground.isWhole; step += 1) ground.step(() => []);
     ground.isShown = true;
     show(NAME);

@@ -1,7 +1,6 @@
-/** A stage that begins with the overview: ground is drawn throughout, once, and no segment before base and cover are here. */
+/** A stage that begins with the overview: ground is drawn throughout, once, and no segment before the base is here. */
 
 import { afterEach, beforeAll, beforeEach, expect, it, vi } from "vitest";
-import { prepareHash } from "../../src/core/payload/hash.ts";
 import { loadScene } from "../../src/core/scene/load.ts";
 import type { MeshData, SceneFiles, Stream } from "../../src/core/types.ts";
 import { Terrain } from "../../src/three/terrain.ts";
@@ -13,7 +12,6 @@ const OVERVIEW_FACES = 10;
 let files: SceneFiles;
 
 beforeAll(async () => {
-  await prepareHash();
   vi.stubGlobal(
     "fetch",
     fetchOf(new Map([[1, filesOfVersion(1)]]), () => 1),
@@ -29,13 +27,12 @@ function overviewOf(whole: SceneFiles): SceneFiles {
     faceCount: OVERVIEW_FACES,
     indices: whole.base.indices.slice(0, OVERVIEW_FACES * 3),
   };
-  const cover = { offsets: new Uint32Array(OVERVIEW_FACES + 1), segments: new Uint32Array(0) };
-  return { ...whole, base, cover, isOverview: true };
+  return { ...whole, base, isOverview: true };
 }
 
 function begun(first: SceneFiles): Terrain {
-  const mesh = (segment: number): MeshData => ({ ...files.base, segment, image: null });
-  const stream = { land: () => 1, aim: () => undefined, mesh: async (segment: number) => mesh(segment) };
+  const mesh: MeshData = { ...files.base, image: null };
+  const stream = { land: () => 1, aim: () => undefined, mesh: async () => mesh };
   const stage = new Terrain({ renderer: fakeRenderer(), stream: stream as unknown as Stream, files: first });
   stage.handle({
     type: "opened",
@@ -43,7 +40,6 @@ function begun(first: SceneFiles): Terrain {
     session: "session",
     changed: false,
     maxRadiusM: 100,
-    heldCount: 0,
   });
   return stage;
 }
@@ -61,15 +57,16 @@ async function frame(stage: Terrain): Promise<{ bases: number[]; segments: numbe
 function landAtAll(stage: Terrain): void {
   void stage.land([0, 0, 0], 10);
   const { landing } = stage.status;
-  const visible = Array.from({ length: files.manifest.segmentCount }, (_, segment) => segment);
-  const load = visible.map((segment) => ({
+  const show = Array.from({ length: files.manifest.segmentCount }, (_, segment) => ({
+    key: String(segment),
     segment,
-    length: 1,
-    xxh3: 0n,
+    isCoarser: false,
+    bytes: 1,
     faces: 1,
     vertices: 3,
-    bounds: [0, 0, 0, 1, 1, 1] as const,
+    follows: true,
   }));
+  const hidden = new Uint8Array(Math.ceil(files.base.faceCount / 8)).fill(255);
   stage.handle({
     type: "planned",
     plan: {
@@ -78,9 +75,8 @@ function landAtAll(stage: Terrain): void {
       radiusM: 10,
       effectiveRadiusM: 10,
       coarseRadiusM: null,
-      load,
-      keep: [],
-      nearby: [],
+      show,
+      hidden,
       loadBytes: 4,
       totalBytes: 4,
       totalTriangles: 4,
@@ -88,8 +84,10 @@ function landAtAll(stage: Terrain): void {
       omittedBy: null,
     },
   });
-  for (const facts of load) stage.handle({ type: "arrived", landing, facts });
-  stage.handle({ type: "ready", landing, visible, missing: [], elapsedMs: 1, readyAtMs: 1, payloadBytes: 4 });
+  const bounds = [0, 0, 0, 1, 1, 1] as const;
+  for (const { key } of show) stage.handle({ type: "arrived", landing, key, bytes: 1, bounds });
+  const visible = show.map(({ key }) => key);
+  stage.handle({ type: "ready", landing, visible, hidden, missing: [], elapsedMs: 1, readyAtMs: 1, payloadBytes: 4 });
 }
 
 it("draws the overview, then the base in its place, and only then a landing", async () => {

@@ -1,13 +1,11 @@
 /** One scene in several versions, and a service that serves them over a fake `fetch`. */
 
 import { readFileSync } from "node:fs";
-import { decodeCover } from "../../src/core/payload/cover.ts";
-import { xxh3 } from "../../src/core/payload/hash.ts";
-import { coverBytes } from "../cover-bytes.ts";
+import type { FaceBits } from "../../src/core/types.ts";
 
 const CORPUS = new URL("../../../../tests/conformance/scene/", import.meta.url);
 /** The files that belong to one version, as clients name them. */
-export const VERSIONED_FILES = ["base.glb", "base.cover", "regions.json"] as const;
+export const VERSIONED_FILES = ["base.tsg", "regions.json"] as const;
 
 export const SCENE_URL = "http://server.test/scenes/quarry";
 
@@ -20,15 +18,13 @@ export function versionText(version: number): string {
 }
 
 /**
- * Version of the scene: the corpus scene of odd and even versions differs, and in each version other segments lie over a base
- * face, and its attribute begins at the version's number. Needs `prepareHash`.
+ * Version of the scene: the corpus scene of odd and even versions differs, and its attribute begins at the version's number.
  */
 export function filesOfVersion(version: number): Files {
   const folder = new URL(version % 2 === 1 ? "tiny/" : "tiny-textured/", CORPUS);
   const manifest = JSON.parse(readFileSync(new URL("scene.json", folder), "utf-8")) as {
     version: string;
-    counts: { base_faces: number; segments: number };
-    files: Record<string, { path: string; bytes: number; xxh3: string }>;
+    files: Record<string, { path: string; bytes: number }>;
     attributes: { offset: number }[];
   };
   const files = new Map<string, Uint8Array<ArrayBuffer>>();
@@ -36,25 +32,18 @@ export function filesOfVersion(version: number): Files {
   manifest.attributes[0]!.offset = version;
   for (const name of VERSIONED_FILES) {
     const row = manifest.files[name]!;
-    let bytes = Uint8Array.from(readFileSync(new URL(row.path, folder)));
-    if (name === "base.cover") bytes = withShiftedIds(bytes, version, manifest.counts);
-    row.bytes = bytes.length;
-    row.xxh3 = xxh3(bytes).toString(16).padStart(16, "0");
-    files.set(name, bytes);
+    files.set(name, Uint8Array.from(readFileSync(new URL(row.path, folder))));
   }
   return files.set("scene.json", new TextEncoder().encode(JSON.stringify(manifest)));
 }
 
-function withShiftedIds(
-  cover: Uint8Array<ArrayBuffer>,
-  shift: number,
-  counts: { readonly base_faces: number; readonly segments: number },
-): Uint8Array<ArrayBuffer> {
-  const { offsets, segments } = decodeCover(cover, counts.base_faces, counts.segments);
-  const shifted = segments.map((segment) => (segment + shift) % counts.segments);
-  return coverBytes(
-    Array.from({ length: counts.base_faces }, (_, face) => [...shifted.slice(offsets[face], offsets[face + 1]).sort()]),
-  );
+/** Base faces that these segments hide: in each version others. */
+export function hiddenOf(version: number, shown: readonly number[], faces: number): FaceBits {
+  const hidden = new Uint8Array(Math.ceil(faces / 8));
+  for (let face = 0; face < faces; face += 1) {
+    if (shown.includes((face + version) % 4)) hidden[face >> 3]! |= 1 << (face & 7);
+  }
+  return hidden;
 }
 
 /** Which version a file is answered of; null answers 404. `requested` is null for a request without `?v=`. */

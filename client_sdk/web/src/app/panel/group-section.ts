@@ -1,6 +1,6 @@
 /** "Together": join a group or guide one, who is in it, and where they are. */
 
-import type { Gathering, GroupFacts, GroupMember, GroupRole } from "../../core/group-types.ts";
+import type { Gathering, GroupFacts, GroupMember, GroupRole } from "../../core/extras/group-types.ts";
 import type { Vec3 } from "../../core/types.ts";
 import { fill, h, setShown, setText } from "../dom.ts";
 import { formatRadius } from "../format.ts";

@@ -137,8 +137,8 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
     const { landing, landed, aim } = state;
     setText(status, statusText(state));
     const isLoading = landing !== null && (landing.phase === "planning" || landing.phase === "streaming");
-    const fraction = aim !== null ? aim.fraction : isLoading ? landing.fraction : null;
-    setShown(progress, fraction !== null || isLoading);
+    const fraction = aim === null && isLoading ? landing.fraction : null;
+    setShown(progress, fraction !== null);
     progress.setAttribute("aria-valuenow", String(Math.round((fraction ?? 0) * 100)));
     bar.style.transform = `scaleX(${fraction ?? 0})`;
     setShown(landButton, aim !== null);
@@ -182,9 +182,7 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
 /** The landing in one sentence. */
 export function statusText({ landing, landed, aim }: ViewerState): string {
   if (aim !== null) {
-    if (aim.fraction === null) return "Aimed. Asking for the ground there…";
-    if (aim.fraction >= 1) return "Aimed, and all the detail is here. Land when you like.";
-    return `Aimed. ${formatPercent(aim.fraction)} of ${formatBytes(aim.bytes)} is here.`;
+    return `Aimed. ${aim.bytes === 0 ? "Asking for the ground there…" : `${formatBytes(aim.bytes)} loaded ahead.`}`;
   }
   if (landing?.phase === "planning") return "Landing: asking for the ground…";
   if (landing?.phase === "streaming" || landing?.phase === "degraded-presentable") {

@@ -1,7 +1,7 @@
 /** The brush: strokes on the ground that teach names, sent to the service, and what they taught. */
 
+import { fetchTaught, listStrokes, paintStroke, takeBackStroke } from "../../core/extras/strokes.ts";
 import type { HttpOptions } from "../../core/scene/http.ts";
-import { fetchTaught, listStrokes, paintStroke, takeBackStroke } from "../../core/scene/strokes.ts";
 import type { PaintedStroke, TaughtGround, TaughtPicture, Vec3 } from "../../core/types.ts";
 import type { GroundHit } from "../../three/types.ts";
 import { type BrushCard, createBrushCard } from "./brush-card.ts";

@@ -1,6 +1,6 @@
 /** Going together: what the group's guide asks is landed at, and the group is told how that went. */
 
-import type { GroupRole } from "../../core/group-types.ts";
+import type { GroupRole } from "../../core/extras/group-types.ts";
 import type { Stream, StreamEvent, Vec3 } from "../../core/types.ts";
 import type { Announcer } from "../announcer.ts";
 import type { ViewerState, ViewerStore } from "./state.ts";

@@ -49,8 +49,6 @@ export function createLandingDesk({ store, stage, unseen, arrived, shown }: Land
   let order: LandingOrder | null = null;
   let hasArrived = false;
   let swapPending = false;
-  /** Bytes that the newest aim brought, of those that it needs. */
-  let aimBytes = { done: 0, total: 0 };
 
   /** In a frame in which the user may not see it: set, camera and state change together. */
   function swapNow(): void {
@@ -69,7 +67,7 @@ export function createLandingDesk({ store, stage, unseen, arrived, shown }: Land
       radiusM: statusBefore.radiusM,
       effectiveRadiusM: plan?.effectiveRadiusM ?? statusBefore.radiusM,
       coarseRadiusM: plan?.coarseRadiusM ?? null,
-      segments: plan === null ? report.shown.length : plan.load.length + plan.keep.length - statusBefore.missing.length,
+      segments: plan === null ? report.shown.length : plan.show.length - statusBefore.missing.length,
       triangles: plan?.totalTriangles ?? 0,
       bytes: statusBefore.payloadBytes,
       readyMs: statusBefore.readyMs,
@@ -84,8 +82,7 @@ export function createLandingDesk({ store, stage, unseen, arrived, shown }: Land
 
   return {
     aim(position, radiusM) {
-      aimBytes = { done: 0, total: 0 };
-      store.set({ aim: { place: position, radiusM, fraction: null, bytes: 0 } });
+      store.set({ aim: { place: position, radiusM, bytes: 0 } });
       stage.prefetch(position, radiusM, coarseRadiusIn(store.get(), radiusM));
     },
     cancelAim() {
@@ -105,15 +102,8 @@ export function createLandingDesk({ store, stage, unseen, arrived, shown }: Land
     handle(event) {
       const { aim } = store.get();
       if (aim === null) return;
-      if (event.type === "prefetching") {
-        aimBytes = { done: 0, total: event.bytes };
-        const fraction = event.bytes === 0 ? 1 : 0;
-        store.set({ aim: { ...aim, fraction, bytes: event.bytes } });
-      } else if (event.type === "arrived" && event.landing === null && aimBytes.total > 0) {
-        aimBytes.done += event.facts.length;
-        store.set({ aim: { ...aim, fraction: Math.min(1, aimBytes.done / aimBytes.total) } });
-      } else if (event.type === "prefetched") {
-        store.set({ aim: { ...aim, fraction: 1 } });
+      if (event.type === "arrived" && event.landing === null) {
+        store.set({ aim: { ...aim, bytes: aim.bytes + event.bytes } });
       }
     },
     update() {

@@ -14,7 +14,7 @@ import type { LandingDesk } from "./landing-desk.ts";
 import type { Markers } from "./markers.ts";
 import type { Notices } from "./notices.ts";
 import type { PlaceLink } from "./place-link.ts";
-import type { Aim, ViewerState, ViewerStore } from "./state.ts";
+import type { ViewerState, ViewerStore } from "./state.ts";
 
 /** What a change of state reaches. */
 export interface Reactors {
@@ -78,27 +78,34 @@ function arcStart(eye: Vec3, state: ViewerState): Vec3 {
   return state.landed?.place ?? [x, y + target.radiusM * 0.6, z];
 }
 
-/** What the ring stands about: the aim, else the place of a landing that is under way. */
-function targetOf({ aim, landing }: ViewerState): Aim | null {
-  if (aim !== null || landing === null) return aim;
-  const { phase, position: place, radiusM, fraction, plan } = landing;
-  const isUnderWay = phase === "planning" || phase === "streaming" || phase === "presentable";
-  return isUnderWay ? { place, radiusM, fraction, bytes: plan?.loadBytes ?? 0 } : null;
+/** What the ring marks, and how much of it is loaded, 0 to 1; null for an aim. */
+interface Target {
+  readonly place: Vec3;
+  readonly radiusM: number;
+  readonly fraction: number | null;
 }
 
-function isSamePlace(a: Aim | null, b: Aim | null): boolean {
+/** What the ring stands about: the aim, else the place of a landing that is under way. */
+function targetOf({ aim, landing }: ViewerState): Target | null {
+  if (aim !== null) return { ...aim, fraction: null };
+  if (landing === null) return null;
+  const { phase, position: place, radiusM, fraction } = landing;
+  const isUnderWay = phase === "planning" || phase === "streaming" || phase === "presentable";
+  return isUnderWay ? { place, radiusM, fraction } : null;
+}
+
+function isSamePlace(a: Target | null, b: Target | null): boolean {
   if (a === null || b === null) return a === b;
   return a.radiusM === b.radiusM && a.place.every((value, axis) => value === b.place[axis]);
 }
 
 function labelsOf(state: ViewerState): readonly Label[] {
-  const { aim, picked, measured } = state;
+  const { picked, measured } = state;
   const target = targetOf(state);
   const labels: Label[] = [];
   if (target !== null) {
     const { fraction } = target;
-    const isReady = aim !== null && fraction !== null && fraction >= 1;
-    const progress = fraction === null ? "" : isReady ? " · ready" : ` · ${formatPercent(fraction)}`;
+    const progress = fraction === null ? "" : ` · ${formatPercent(fraction)}`;
     labels.push({ position: target.place, kind: "aim", text: `${formatRadius(target.radiusM)}${progress}` });
   }
   if (picked !== null) labels.push({ position: picked.place, kind: "pick", text: "" });

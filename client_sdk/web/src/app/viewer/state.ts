@@ -1,6 +1,6 @@
 /** What the viewer shows, as one value. */
 
-import type { GroupFacts } from "../../core/group-types.ts";
+import type { GroupFacts } from "../../core/extras/group-types.ts";
 import type { LinkState, PickHit, SceneManifest, Vec3 } from "../../core/types.ts";
 import type { Gain } from "../../three/gain.ts";
 import type { LandingStatus, ViewMode } from "../../three/types.ts";
@@ -17,8 +17,7 @@ export type PanelTab = "landing" | "look" | "inspect" | "places" | "figures";
 export interface Aim {
   readonly place: Vec3;
   readonly radiusM: number;
-  /** Bytes that came of those that a landing there would need, 0 to 1; null until the service has answered. */
-  readonly fraction: number | null;
+  /** Payload bytes that came ahead. */
   readonly bytes: number;
 }
 

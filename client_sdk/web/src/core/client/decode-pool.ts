@@ -75,7 +75,7 @@ export class DecodePool {
       this.#busy.set(worker, { worker, job, timer });
       // A copy: what is transferred is gone here, and the cache keeps its payload.
       const payload = job.payload.slice();
-      const message: DecodeJob = { segment: job.segment, payload, attributes: job.attributes };
+      const message: DecodeJob = { payload, attributes: job.attributes };
       worker.postMessage(message, [payload.buffer]);
     }
   }

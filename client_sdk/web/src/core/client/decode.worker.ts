@@ -9,9 +9,9 @@ import type { DecodeAnswer, DecodeJob } from "./worker-messages.ts";
 const decodeImage = imageDecoder();
 
 self.onmessage = async (event: MessageEvent<DecodeJob>) => {
-  const { payload, segment, attributes } = event.data;
+  const { payload, attributes } = event.data;
   try {
-    const mesh = await decodeSegment(payload, segment, attributes, decodeImage);
+    const mesh = await decodeSegment(payload, attributes, decodeImage);
     const answer: DecodeAnswer = { type: "decoded", mesh };
     self.postMessage(answer, { transfer: transferablesOfMesh(mesh) });
   } catch (error) {

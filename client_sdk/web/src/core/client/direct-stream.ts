@@ -22,12 +22,18 @@ export interface DirectParts {
 export function openDirectStream(options: StreamOptions, platform: DirectParts = {}): Stream {
   const Socket = platform.WebSocket ?? globalThis.WebSocket;
   if (Socket === undefined) throw new StreamError("internal", "this platform has no WebSocket; pass one");
-  const emit = (events: readonly StreamEvent[]) => {
-    for (const event of events) stream.onEvent(event);
+  const emit = (event: StreamEvent) => {
+    try {
+      stream.onEvent(event);
+    } catch (error) {
+      queueMicrotask(() => {
+        throw error; // The listener's own: as if it were called by the platform.
+      });
+    }
   };
   const core = new StreamCore(options, {
     WebSocket: Socket,
-    decode: (payload, segment, attributes) => decodeSegment(payload, segment, attributes, imageDecoder()),
+    decode: (payload, attributes) => decodeSegment(payload, attributes, imageDecoder()),
     emit,
   });
   const stream: Stream = {
@@ -35,16 +41,12 @@ export function openDirectStream(options: StreamOptions, platform: DirectParts =
     land: (position, radiusM, landOptions) => core.land(position, radiusM, landOptions),
     aim: (position, radiusM, coarseRadiusM) => core.aim(position, radiusM, coarseRadiusM),
     pick: (origin, direction) => core.pick(origin, direction),
-    mesh: (segment, attributes) => core.mesh(segment, attributes),
+    mesh: (key, attributes) => core.mesh(key, attributes),
     stats: async () => core.stats(),
     group: (command) => core.group(command),
     reconnect: (token) => core.reconnect(token),
     close: () => core.close(),
   };
-  core.start().catch((error: unknown) => {
-    const message = `the decoders did not start: ${error instanceof Error ? error.message : String(error)}`;
-    core.close();
-    emit([{ type: "link", link: { state: "closed", closeCode: 1006, code: "internal", message } }]);
-  });
+  void core.start();
   return stream;
 }

@@ -1,18 +1,15 @@
 /**
- * The connection of a session: opened, kept, lost, opened again.
+ * The connection of a session: opened, lost, opened again.
  *
- * The state is the session's; here are the socket and the timers. Section numbers are those of
- * `spec/wire-protocol.md`.
+ * The state is the session's; here are the socket and the timers. Section numbers are those of `spec/protocol-2.md`.
  */
 
 import { waitMs } from "../session/backoff.ts";
 import type { SessionEvent } from "../session/events.ts";
-import type { ClientSession } from "../session/session.ts";
-import { ProtocolViolation } from "../session/violation.ts";
+import { type ClientSession, ProtocolViolation } from "../session/session.ts";
 import type { LinkState, Token } from "../types.ts";
-import { tokenSubprotocol } from "../wire/codec.ts";
-import { afterClose, codeOfClose } from "../wire/errors.ts";
-import { CLOSE_CODES, SUBPROTOCOL } from "../wire/messages.generated.ts";
+import { afterClose, CLOSE_CODES, codeOfClose } from "../wire/errors.ts";
+import { encodeMessage, SUBPROTOCOL, tokenSubprotocol } from "../wire/messages.ts";
 import { Access } from "./access.ts";
 import { Outgoing } from "./outgoing.ts";
 
@@ -22,7 +19,7 @@ const AIM_PERIOD_MS = 100;
 /** One attempt: TCP, TLS, WebSocket handshake and welcome. */
 const CONNECT_MS = 10_000;
 
-/** A connection that lived this long, or readied a landing, begins the waits anew when it is lost. */
+/** After a connection that lived this long, or completed a landing, the waits begin at the shortest again. */
 const STABLE_MS = 10_000;
 
 /**
@@ -43,7 +40,6 @@ export interface LinkOptions {
   readonly WebSocket: typeof WebSocket;
   /** Takes the session's events, in order. */
   readonly handle: (events: readonly SessionEvent[]) => void;
-  /** Takes news of the connection itself. */
   readonly onLinkState: (link: LinkState) => void;
 }
 
@@ -54,20 +50,19 @@ export class Link {
   readonly #outgoing: Outgoing;
   readonly #access: Access;
   #socket: WebSocket | null = null;
-  /** Number of the question for a token that is waited for; null where none is. */
+  /** Number of the token request under way; null where there is none. */
   #question: number | null = null;
   #questions = 0;
   #attempt = 0;
-  #offerHeld = true;
   #begun = false;
   #hasLeft = false;
-  /** The error that the server gave as reason for the close which follows. */
+  /** The error that the server gave before the close which follows. */
   #refusal: { readonly code: string; readonly message: string } | null = null;
   #firstWaitMs: number | null = null;
   #welcomedMs: number | null = null;
   /** By any connection: a service that never knew the token needs no second attempt with another. */
   #wasWelcomed = false;
-  #heardMs = 0;
+  #receivedMs = 0;
   #owedSinceMs: number | null = null;
   #nextAimMs = 0;
   #retryTimer: ReturnType<typeof setTimeout> | undefined;
@@ -92,18 +87,17 @@ export class Link {
     this.#connect();
   }
 
-  /** Hand out events and send what the session has to say; to be called after every command. */
+  /** Hand out events and send what the session has to send; to be called after every command. */
   pump(): void {
     const { session } = this.#options;
     // Events first: what their listeners ask for goes out with the rest.
     this.#report();
-    // Behind the server's message rate aims wait in the session, where a newer one replaces an older.
+    // While the server's message rate holds messages back, aims wait in the session, where a newer one replaces an older.
     if (!this.#outgoing.blocked) {
       if (session.hasAim) this.#aim();
-      this.#outgoing.push(session.dataToSend());
+      this.#outgoing.push(session.messagesToSend().map(encodeMessage));
     }
-    const owed = session.awaitsAnswer;
-    if (!owed) this.#owedSinceMs = null;
+    if (!session.awaitsAnswer) this.#owedSinceMs = null;
     else this.#owedSinceMs ??= performance.now();
   }
 
@@ -111,8 +105,7 @@ export class Link {
   reconnect(token: string | undefined): void {
     if (this.#hasLeft) return;
     const newer = this.#access.replace(token);
-    const connects = this.#socket !== null || this.#question !== null;
-    if (!this.#begun || (connects && !newer)) return;
+    if (!this.#begun || (this.#isConnecting && !newer)) return;
     this.#drop(NORMAL);
     this.#attempt = 0;
     this.#firstWaitMs = null;
@@ -122,25 +115,35 @@ export class Link {
   /** Connect to that address from now on, and now, unless it was closed for good. */
   moveTo(url: string): void {
     this.#url = url;
-    const connects = this.#socket !== null || this.#question !== null;
+    const wasConnecting = this.#isConnecting;
     this.pump();
-    if (this.#hasLeft || !connects) return;
+    if (this.#hasLeft || !wasConnecting) return;
     this.#drop(NORMAL);
     this.#report();
     this.#attempt = 0;
     this.#connect();
   }
 
-  /** Say goodbye and do not connect again. */
+  /** Close a connection on which the server broke the protocol. */
+  refuse(reason: string): void {
+    this.#refusal = { code: "malformed", message: `the server broke the protocol: ${reason}` };
+    this.#cut(CLOSE_CODES.malformed, "malformed");
+  }
+
+  /** Send `bye` and do not connect again. */
   leave(): void {
     if (this.#hasLeft) return;
     this.#hasLeft = true;
     this.#options.session.bye();
-    if (!this.#outgoing.blocked) this.#outgoing.push(this.#options.session.dataToSend());
+    if (!this.#outgoing.blocked) this.#outgoing.push(this.#options.session.messagesToSend().map(encodeMessage));
     this.#drop(NORMAL);
   }
 
   // ---- one connection
+
+  get #isConnecting(): boolean {
+    return this.#socket !== null || this.#question !== null;
+  }
 
   #connect(): void {
     clearTimeout(this.#retryTimer);
@@ -154,8 +157,8 @@ export class Link {
   }
 
   /**
-   * Go on with what a token's function answers. Where it fails the connection is lost: it asked a server of its own, perhaps,
-   * over the line that is down. An answer that comes after the link has moved on is dropped.
+   * Continue with the answer of a token function. If it fails, the connection counts as lost: perhaps it asks a server over the
+   * line that is down. An answer that comes after the link has moved on is dropped.
    */
   #ask<Answer>(asked: Promise<Answer>, use: (answer: Answer) => void): void {
     this.#questions += 1;
@@ -181,14 +184,13 @@ export class Link {
   }
 
   #dial(token: string | undefined): void {
-    const { session } = this.#options;
     const protocols: string[] = [SUBPROTOCOL];
     if (token !== undefined) protocols.push(tokenSubprotocol(token));
     const socket = this.#opened(this.#url, protocols);
     if (socket === null) return;
     this.#socket = socket;
     socket.onopen = () => {
-      session.connected(this.#offerHeld);
+      this.#options.session.connected();
       this.pump();
     };
     socket.onmessage = (event: MessageEvent<ArrayBuffer | string>) => this.#take(event.data);
@@ -203,7 +205,7 @@ export class Link {
     this.#watch = setInterval(() => this.#listen(), SILENCE_MS / 6);
   }
 
-  /** A socket on its way; null where the platform refuses the address, as `ws:` from a page that came by https. */
+  /** A new socket; null where the platform refuses the address, as `ws:` from a page that came by https. */
   #opened(url: string, protocols: string[]): WebSocket | null {
     try {
       const socket = new this.#options.WebSocket(url, protocols);
@@ -217,15 +219,14 @@ export class Link {
   }
 
   #take(data: ArrayBuffer | string): void {
-    this.#heardMs = performance.now();
+    this.#receivedMs = performance.now();
     try {
       this.#options.session.receive(typeof data === "string" ? data : new Uint8Array(data));
     } catch (error) {
       if (!(error instanceof ProtocolViolation)) throw error;
       // What was right before it has happened.
       this.#report();
-      this.#refusal = { code: "malformed", message: `the server broke the protocol: ${error.message}` };
-      this.#cut(CLOSE_CODES.malformed, "malformed");
+      this.refuse(error.message);
       return;
     }
     this.pump();
@@ -254,7 +255,7 @@ export class Link {
     }
   }
 
-  /** Send the newest aim, or see to it that it is sent when it may be. */
+  /** Send the newest aim, now or when it may be sent. */
   #aim(): void {
     const pauseMs = this.#nextAimMs - performance.now();
     if (pauseMs <= 0) {
@@ -271,7 +272,7 @@ export class Link {
   /** Give up a connection on which a server that owes an answer is silent. */
   #listen(): void {
     if (this.#owedSinceMs === null || this.#welcomedMs === null) return;
-    const sinceMs = Math.max(this.#owedSinceMs, this.#heardMs, this.#welcomedMs);
+    const sinceMs = Math.max(this.#owedSinceMs, this.#receivedMs, this.#welcomedMs);
     if (performance.now() - sinceMs > SILENCE_MS) this.#cut(CLOSE_CODES.timeout, "the server is silent");
   }
 
@@ -282,16 +283,12 @@ export class Link {
   }
 
   #lost(closeCode: number, reason: string): void {
-    if ((this.#socket === null && this.#question === null) || this.#hasLeft) return;
+    if (!this.#isConnecting || this.#hasLeft) return;
     this.#drop(NORMAL);
-    // What the loss did to landings is told before the loss itself.
+    // What the loss did to landings is reported before the loss itself.
     this.#report();
-    // Whoever was told may have left, or connected again.
-    if (this.#hasLeft || this.#socket !== null || this.#question !== null) return;
-    if (this.#retriesWithoutHeld()) {
-      this.#connect();
-      return;
-    }
+    // A listener may have left, or connected again.
+    if (this.#hasLeft || this.#isConnecting) return;
     const livedMs = this.#welcomedMs === null ? 0 : performance.now() - this.#welcomedMs;
     if (livedMs >= STABLE_MS) this.#attempt = 0;
     const code = this.#refusal?.code ?? codeOfClose(closeCode);
@@ -316,13 +313,6 @@ export class Link {
     this.#options.onLinkState({ state: "waiting", attempt: this.#attempt + 1, retryInMs, ...end });
   }
 
-  /** Offer nothing in hello from now on if the server found that too large; once. */
-  #retriesWithoutHeld(): boolean {
-    if (this.#refusal?.code !== "too_large" || this.#welcomedMs !== null || !this.#offerHeld) return false;
-    this.#offerHeld = false;
-    return true;
-  }
-
   /** Part from the socket and from everything that was timed for it. */
   #drop(closeCode: number): void {
     const socket = this.#socket;
@@ -334,7 +324,7 @@ export class Link {
     this.#outgoing.clear();
     this.#owedSinceMs = null;
     if (socket === null) return;
-    // Handlers first: a socket that closes may still deliver what was under way, and nobody is there for it.
+    // Handlers first: a socket that closes may still deliver what was under way.
     socket.onopen = socket.onmessage = socket.onclose = socket.onerror = null;
     socket.close(closeCode);
     this.#options.session.connectionLost();

@@ -1,13 +1,15 @@
 /** A stream whose socket, session, cache and decoders are in workers: the page's side of it. */
 
+import { checkGroup } from "../extras/group-state.ts";
 import { StreamError } from "../scene/errors.ts";
 import { streamUrl } from "../scene/urls.ts";
-import { checkAim, checkGroup, checkLand, checkPick } from "../session/checks.ts";
+import { checkLand, checkPick } from "../session/session.ts";
 import type {
   AttributeScale,
   LandOptions,
   MeshData,
   PickHit,
+  SegmentKey,
   Stream,
   StreamEvent,
   StreamOptions,
@@ -49,7 +51,7 @@ export function openStream(options: StreamOptions): Stream {
     land: (position, radiusM, landOptions) => page.land(position, radiusM, landOptions),
     aim: (position, radiusM, coarseRadiusM) => page.aim(position, radiusM, coarseRadiusM),
     pick: (origin, direction) => page.pick(origin, direction),
-    mesh: (segment, attributes) => page.mesh(segment, attributes),
+    mesh: (key, attributes) => page.mesh(key, attributes),
     stats: () => page.stats(),
     group: (command) => {
       checkGroup(command);
@@ -113,7 +115,7 @@ class PageStream {
   }
 
   aim(position: Vec3, radiusM: number, coarseRadiusM?: number): void {
-    checkAim(position, radiusM, coarseRadiusM);
+    checkLand(position, radiusM, { coarseRadiusM });
     this.send({ type: "aim", position, radiusM, coarseRadiusM });
   }
 
@@ -122,8 +124,8 @@ class PageStream {
     return (await this.#ask({ type: "pick", origin, direction })) as PickHit | null;
   }
 
-  async mesh(segment: number, attributes: readonly AttributeScale[]): Promise<MeshData> {
-    return (await this.#ask({ type: "mesh", segment, attributes })) as MeshData;
+  async mesh(key: SegmentKey, attributes: readonly AttributeScale[]): Promise<MeshData> {
+    return (await this.#ask({ type: "mesh", key, attributes })) as MeshData;
   }
 
   async stats(): Promise<StreamStats> {
@@ -157,7 +159,7 @@ class PageStream {
     // Also after the end: it answers the goodbye.
     if (message.type === "closed") this.#worker.terminate();
     if (this.#ended !== null) return;
-    if (message.type === "events") for (const event of message.events) this.emit(event);
+    if (message.type === "event") this.emit(message.event);
     else if (message.type === "answer") this.#answered(message.id)?.resolve(message.value);
     else if (message.type === "failed") this.#answered(message.id)?.reject(receivedError(message.error));
     else if (message.type === "token-wanted") void this.#giveToken(message.question);

@@ -4,55 +4,63 @@
  * `openStream` runs it in a worker, `openDirectStream` in the calling thread.
  */
 
-import type { GroupCommand } from "../group-types.ts";
-import { prepareHash, xxh3 } from "../payload/hash.ts";
+import { checkGroup } from "../extras/group-state.ts";
+import type { GroupCommand } from "../extras/group-types.ts";
+import { inflate } from "../payload/gzip.ts";
+import { segmentBounds } from "../payload/segment-format.ts";
 import { StreamError } from "../scene/errors.ts";
 import { streamUrl } from "../scene/urls.ts";
-import { checkGroup } from "../session/checks.ts";
 import type { SessionEvent } from "../session/events.ts";
 import { ClientSession } from "../session/session.ts";
 import type {
   AttributeScale,
+  FaceBits,
   LandOptions,
   LinkState,
   MeshData,
   PickHit,
   PlanFacts,
   SegmentFacts,
-  SegmentSummary,
+  SegmentKey,
   StreamEvent,
   StreamOptions,
   StreamStats,
   Vec3,
 } from "../types.ts";
-import type { PlanMessage } from "../wire/messages.generated.ts";
+import type { PlanRow } from "../wire/messages.ts";
 import { sharedNowMs } from "./clock.ts";
-import type { DiskShelf } from "./disk-shelf.ts";
+import type { DiskCache } from "./disk-cache.ts";
 import { Link } from "./link.ts";
 import { sessionOptionsOf } from "./stream-options.ts";
 import { asStreamError } from "./worker-errors.ts";
 
 /** Picks that wait for an answer; a server answers far fewer at a time. */
 const MAX_PICKS = 64;
+/** Codes of {@link StreamError} that say nothing about the payload. */
+const NOT_DAMAGE: ReadonlySet<string> = new Set(["closed", "not_held", "too_many"]);
 
 /** What {@link StreamCore} works with. */
 export interface StreamCorePlatform {
   readonly WebSocket: typeof WebSocket;
   /** Decode a payload; it must not change the bytes. */
-  readonly decode: (
-    payload: Uint8Array<ArrayBuffer>,
-    segment: number,
-    attributes: readonly AttributeScale[],
-  ) => Promise<MeshData>;
+  readonly decode: (payload: Uint8Array<ArrayBuffer>, attributes: readonly AttributeScale[]) => Promise<MeshData>;
   /** Payloads of earlier visits, and where those of this one are kept. */
-  readonly disk?: DiskShelf | undefined;
-  /** Takes the events, in order. */
-  readonly emit: (events: readonly StreamEvent[]) => void;
+  readonly disk?: DiskCache | undefined;
+  /** Takes the events, in order. It must not throw. */
+  readonly emit: (event: StreamEvent) => void;
 }
 
 interface Answer {
   readonly resolve: (hit: PickHit | null) => void;
   readonly reject: (error: StreamError) => void;
+}
+
+/** A landing that is not complete. */
+interface Pending {
+  readonly askedMs: number;
+  readonly stallMs: number | undefined;
+  deadline: ReturnType<typeof setTimeout> | undefined;
+  stall: ReturnType<typeof setTimeout> | undefined;
 }
 
 /** One stream in this thread. */
@@ -61,10 +69,11 @@ export class StreamCore {
   readonly #session: ClientSession;
   readonly #link: Link;
   readonly #picks = new Map<number, Answer>();
-  /** When each landing that is not over was asked for, by its number. */
-  readonly #askedMs = new Map<number, number>();
+  readonly #pending = new Map<number, Pending>();
   readonly #cacheBytes: number;
   readonly #sceneUrl: string;
+  /** Events are handed out in order, though some wait for what is inflated. */
+  #emitted: Promise<void> = Promise.resolve();
   #closed = false;
   /** Why nothing is sent any more, until `reconnect`. */
   #ended: StreamError | null = null;
@@ -75,7 +84,7 @@ export class StreamCore {
     const { cacheBytes, ...sessionOptions } = sessionOptionsOf(options);
     this.#cacheBytes = cacheBytes;
     this.#sceneUrl = options.sceneUrl;
-    this.#session = new ClientSession(sessionOptions, cacheBytes, xxh3);
+    this.#session = new ClientSession(sessionOptions, cacheBytes);
     this.#link = new Link({
       session: this.#session,
       url: streamUrl(options.sceneUrl),
@@ -86,18 +95,23 @@ export class StreamCore {
     });
   }
 
-  /** Connect, once hashes can be computed. Rejects where they cannot. */
+  /** Connect, when the payloads of earlier visits are here. */
   async start(): Promise<void> {
-    await prepareHash();
-    // Before the first hello, which offers them; what does not fit this version the server tells to drop.
-    for (const entry of (await this.#platform.disk?.restore(this.#cacheBytes)) ?? []) this.#session.holdings.put(entry);
+    for (const entry of (await this.#platform.disk?.restore(this.#cacheBytes)) ?? []) this.#session.cache.put(entry);
     if (!this.#closed) this.#link.start();
   }
 
   /** As {@link Stream.land}; `askedMs` is {@link sharedNowMs} when the page asked. */
   land(position: Vec3, radiusM: number, options: LandOptions = {}, askedMs = sharedNowMs()): number {
     const number = this.#session.land(position, radiusM, options);
-    this.#askedMs.set(number, askedMs);
+    const { deadlineMs, stallMs } = options;
+    const hurryAfter = (ms: number) => setTimeout(() => this.#hurry(number), ms);
+    this.#pending.set(number, {
+      askedMs,
+      stallMs,
+      deadline: deadlineMs === undefined ? undefined : hurryAfter(deadlineMs),
+      stall: stallMs === undefined ? undefined : hurryAfter(stallMs),
+    });
     this.#link.pump();
     return number;
   }
@@ -110,8 +124,8 @@ export class StreamCore {
   group(command: GroupCommand): void {
     checkGroup(command);
     if (command.type === "join") {
-      // The old seat is left where it is; where several processes serve, the address says where the new group lives (wire
-      // protocol, 16.6), and the seat is asked for with the next welcome.
+      // The old seat is left where it is. Where several processes serve, the address says where the new group is (protocol,
+      // section 10): its seat is asked for with the next welcome.
       this.#session.group({ type: "leave" });
       this.#link.moveTo(streamUrl(this.#sceneUrl, command.group));
     }
@@ -130,30 +144,26 @@ export class StreamCore {
     return answer;
   }
 
-  async mesh(segment: number, attributes: readonly AttributeScale[]): Promise<MeshData> {
+  async mesh(key: SegmentKey, attributes: readonly AttributeScale[]): Promise<MeshData> {
     if (this.#closed) throw closedHere();
-    // Peeked at: what is drawn is pinned anyway, and decoding must not change what is evicted first.
-    const entry = this.#session.holdings.peek(segment);
-    if (entry === undefined) throw new StreamError("not_held", `segment ${segment} is not held`);
+    // Without a change of its age: decoding must not change what is evicted first.
+    const entry = this.#session.cache.peek(key);
+    if (entry === undefined) throw new StreamError("not_held", `segment ${key} is not in memory`);
     try {
-      return await this.#platform.decode(entry.payload, segment % this.#session.segmentCount, attributes);
+      return await this.#platform.decode(entry.payload, attributes);
     } catch (error) {
-      throw asStreamError(error);
+      const failure = asStreamError(error);
+      if (!this.#closed && !NOT_DAMAGE.has(failure.code)) {
+        this.#session.damaged(key);
+        this.#link.pump();
+      }
+      throw failure;
     }
   }
 
   stats(): StreamStats {
-    const { aims, holdings, payloadBytes, repeatedBytes } = this.#session;
-    return {
-      payloadBytes,
-      repeatedBytes,
-      heldSegments: holdings.count,
-      heldBytes: holdings.cacheBytes,
-      aimedLandings: aims.landings,
-      aimHits: aims.hits,
-      prefetchedBytes: aims.prefetchedBytes,
-      usedPrefetchedBytes: aims.usedBytes,
-    };
+    const { cache, payloadBytes, repeatedBytes, aimedLandings, aimHits } = this.#session;
+    return { payloadBytes, repeatedBytes, heldSegments: cache.size, heldBytes: cache.bytes, aimedLandings, aimHits };
   }
 
   reconnect(token?: string): void {
@@ -166,6 +176,7 @@ export class StreamCore {
     if (this.#closed) return;
     this.#closed = true;
     this.#link.leave();
+    for (const landing of [...this.#pending.keys()]) this.#settle(landing);
     this.#end(closedHere());
   }
 
@@ -173,76 +184,150 @@ export class StreamCore {
 
   #onLink(link: LinkState): void {
     if (link.state === "closed") this.#end(new StreamError(link.code, link.message, link.closeCode));
-    this.#platform.emit([{ type: "link", link }]);
+    this.#emit(async () => ({ type: "link", link }));
   }
 
-  /** Nobody answers any more: tell whoever waits. */
+  /** Nobody answers any more: reject what waits. */
   #end(error: StreamError): void {
     this.#ended = error;
     for (const [request, { reject }] of this.#picks) {
-      // Else a reconnect would ask once more, for nobody.
       this.#session.dropPick(request);
       reject(error);
     }
     this.#picks.clear();
   }
 
-  #handle(events: readonly SessionEvent[]): void {
-    // In one batch: out of a worker each message is a task of the page's thread.
-    const streamEvents: StreamEvent[] = [];
-    for (const event of events) {
-      const streamEvent = this.#translated(event);
-      if (streamEvent !== null) streamEvents.push(streamEvent);
-    }
-    if (streamEvents.length > 0 && !this.#closed) this.#platform.emit(streamEvents);
+  #hurry(landing: number): void {
+    this.#session.hurry(landing);
+    this.#link.pump();
   }
 
-  /**
-   * The page's event for a session's; null for none. Answers settle the promise of their question, and times are taken here:
-   * the session has no clock.
-   */
-  #translated(event: SessionEvent): StreamEvent | null {
+  /** A landing is over, or complete; returns when it was asked for. */
+  #settle(landing: number): number {
+    const pending = this.#pending.get(landing);
+    clearTimeout(pending?.deadline);
+    clearTimeout(pending?.stall);
+    this.#pending.delete(landing);
+    return pending?.askedMs ?? sharedNowMs();
+  }
+
+  #handle(events: readonly SessionEvent[]): void {
+    for (const event of events) this.#on(event);
+  }
+
+  /** Answers settle the promise of their question, and times are taken here: the session has no clock. */
+  #on(event: SessionEvent): void {
     switch (event.type) {
       case "opened": {
-        const { session, changed, heldCount } = event;
-        const maxRadiusM = event.limits.max_radius_m;
-        return { type: "opened", sceneVersion: event.scene.version, session, changed, maxRadiusM, heldCount };
+        const { session, changed } = event;
+        const [sceneVersion, maxRadiusM] = [event.scene.version, event.limits.max_radius_m];
+        this.#emit(async () => ({ type: "opened", sceneVersion, session, changed, maxRadiusM }));
+        // What was shown belongs to the version before; the user is still there.
+        if (changed) this.#session.landAgain();
+        break;
       }
+      case "whole":
+        void this.#check(event.key, event.payload);
+        break;
       case "planned":
-        return { type: "planned", plan: planFacts(event.landing, event.plan) };
-      case "arrived":
-        this.#platform.disk?.put(event.entry);
-        return { type: "arrived", landing: event.landing, facts: summaryOf(event.entry.facts) };
-      case "ready": {
-        const { landing, visible, missing, payloadBytes } = event;
-        const readyAtMs = sharedNowMs();
-        const elapsedMs = Math.max(0, readyAtMs - (this.#askedMs.get(landing) ?? readyAtMs));
-        this.#askedMs.delete(landing);
-        return { type: "ready", landing, visible, missing, elapsedMs, readyAtMs, payloadBytes };
+        this.#emit(() => this.#planned(event));
+        break;
+      case "arrived": {
+        for (const [landing, pending] of this.#pending) this.#restartStall(landing, pending);
+        const entry = this.#session.cache.peek(event.key);
+        if (entry !== undefined) this.#platform.disk?.put(entry);
+        this.#emit(async () => event);
+        break;
       }
-      case "prefetching":
-      case "prefetched":
-        return { type: event.type, segments: event.segments, bytes: event.bytes };
-      case "superseded":
-        this.#askedMs.delete(event.landing);
-        return event;
-      case "refused":
-        if (event.landing !== null) this.#askedMs.delete(event.landing);
-        return event;
-      case "degraded":
-      case "dropped":
-      case "notice":
-      case "group":
-        return event;
-      case "rejected":
-        return null;
+      case "degraded": {
+        const { landing, rows } = event;
+        const segments = rows.map(({ key }) => key);
+        this.#emit(async () => ({ type: "degraded", landing, segments, hidden: await this.#bits(event.hidden) }));
+        break;
+      }
+      case "ready": {
+        const { landing, rows, missing, payloadBytes } = event;
+        const readyAtMs = sharedNowMs();
+        const elapsedMs = Math.max(0, readyAtMs - this.#settle(landing));
+        const visible = rows.map(({ key }) => key);
+        const facts = { landing, visible, missing, elapsedMs, readyAtMs, payloadBytes };
+        this.#emit(async () => ({ type: "ready", ...facts, hidden: await this.#bits(event.hidden) }));
+        break;
+      }
       case "pick-answered":
         this.#answer(event.request)?.resolve(event.hit);
-        return null;
+        break;
       case "pick-refused":
         this.#answer(event.request)?.reject(new StreamError(event.code, event.message));
-        return null;
+        break;
+      default:
+        if ((event.type === "superseded" || event.type === "refused") && event.landing !== null) {
+          this.#settle(event.landing);
+        }
+        this.#emit(async () => event);
     }
+  }
+
+  #restartStall(landing: number, pending: Pending): void {
+    if (pending.stallMs === undefined) return;
+    clearTimeout(pending.stall);
+    pending.stall = setTimeout(() => this.#hurry(landing), pending.stallMs);
+  }
+
+  /** Check a payload that is whole. */
+  async #check(key: SegmentKey, payload: Uint8Array<ArrayBuffer>): Promise<void> {
+    try {
+      this.#session.checked(key, await segmentBounds(payload));
+    } catch {
+      this.#session.damaged(key);
+    }
+    if (!this.#closed) this.#link.pump();
+  }
+
+  /** Hand an event out behind those before it. */
+  #emit(event: () => Promise<StreamEvent>): void {
+    const translated = event();
+    this.#emitted = this.#emitted.then(async () => {
+      try {
+        const next = await translated;
+        if (!this.#closed) this.#platform.emit(next);
+      } catch (error) {
+        this.#link.refuse(error instanceof Error ? error.message : String(error));
+      }
+    });
+  }
+
+  /** Inflate hidden faces, to as many as the base mesh has. */
+  async #bits(packed: Uint8Array<ArrayBuffer>): Promise<FaceBits> {
+    const bytes = Math.ceil(this.#session.baseFaces / 8);
+    const bits = await inflate(packed, bytes);
+    if (bits.length !== bytes) throw new Error(`got ${bits.length} bytes of hidden faces, expected ${bytes}`);
+    return bits;
+  }
+
+  async #planned({
+    landing,
+    position,
+    radiusM,
+    plan,
+  }: Extract<SessionEvent, { type: "planned" }>): Promise<StreamEvent> {
+    const { effective_radius_m: reachM, omitted: omittedSegments, omitted_by: omittedBy = null } = plan;
+    const sum = (of: (row: PlanRow) => number) => plan.show.reduce((total, row) => total + of(row), 0);
+    const facts: PlanFacts = {
+      landing,
+      position,
+      radiusM,
+      effectiveRadiusM: Math.min(reachM, radiusM),
+      coarseRadiusM: reachM > radiusM ? reachM : null,
+      show: plan.show.map(factsOf),
+      hidden: await this.#bits(plan.hidden),
+      loadBytes: sum(({ bytes, follows }) => (follows ? bytes : 0)),
+      totalBytes: sum(({ bytes }) => bytes),
+      totalTriangles: sum(({ faces }) => faces),
+      omittedSegments,
+      omittedBy,
+    };
+    return { type: "planned", plan: facts };
   }
 
   #answer(request: number): Answer | undefined {
@@ -252,28 +337,8 @@ export class StreamCore {
   }
 }
 
-/** Omit the hash, a bigint, which JSON cannot represent. */
-function summaryOf({ xxh3: _, ...summary }: SegmentFacts): SegmentSummary {
-  return summary;
-}
-
-function planFacts(landing: number, plan: PlanMessage): PlanFacts {
-  const reachM = plan.effective_radius_m;
-  return {
-    landing,
-    position: plan.position,
-    radiusM: plan.radius_m,
-    effectiveRadiusM: Math.min(reachM, plan.radius_m),
-    coarseRadiusM: reachM > plan.radius_m ? reachM : null,
-    load: plan.load.map(summaryOf),
-    keep: plan.keep,
-    nearby: plan.nearby,
-    loadBytes: plan.load_bytes,
-    totalBytes: plan.total_bytes,
-    totalTriangles: plan.total_triangles,
-    omittedSegments: plan.omitted_segments,
-    omittedBy: plan.omitted_by ?? null,
-  };
+function factsOf({ key, id: segment, bytes, faces, vertices, follows, isCoarser }: PlanRow): SegmentFacts {
+  return { key, segment, isCoarser, bytes, faces, vertices, follows };
 }
 
 function closedHere(): StreamError {

@@ -1,9 +1,9 @@
 /** Options of a stream: defaults and validation. PURE. */
 
 import { budgetsFor } from "../budgets.ts";
-import { check } from "../session/checks.ts";
-import { helloMessage, type SessionOptions } from "../session/options.ts";
+import { helloMessage, type SessionOptions } from "../session/session.ts";
 import type { StreamOptions } from "../types.ts";
+import { encodeMessage } from "../wire/messages.ts";
 import { CLIENT } from "./version.ts";
 
 /**
@@ -17,12 +17,14 @@ export function sessionOptionsOf(options: StreamOptions): SessionOptions & { rea
     client: options.client ?? CLIENT,
     budgets: options.budgets ?? { maxTriangles, maxSegments },
     creditBytes: options.creditBytes ?? creditBytes,
-    releaseFactor: options.releaseFactor,
     cacheBytes: options.cacheBytes ?? cacheBytes,
   };
+  if (!(complete.creditBytes >= 1)) {
+    throw new RangeError(`got creditBytes ${complete.creditBytes}, expected a number of bytes, 1 or more`);
+  }
   if (!(complete.cacheBytes >= 0)) {
     throw new RangeError(`got cacheBytes ${complete.cacheBytes}, expected a number of bytes, 0 or more`);
   }
-  check(helloMessage(complete, []));
+  encodeMessage(helloMessage(complete));
   return complete;
 }

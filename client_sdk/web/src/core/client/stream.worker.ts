@@ -1,9 +1,8 @@
 /** Holds one stream: socket, session, cache; decoding goes to workers of its own. */
 
-import { xxh3 } from "../payload/hash.ts";
 import { decodeSegment } from "../payload/segment-format.ts";
 import { DecodePool } from "./decode-pool.ts";
-import { DiskShelf } from "./disk-shelf.ts";
+import { DiskCache } from "./disk-cache.ts";
 import { imageDecoder } from "./image-decoder.ts";
 import { StreamCore, type StreamCorePlatform } from "./stream-core.ts";
 import { transferablesOfMesh } from "./transferables.ts";
@@ -30,8 +29,8 @@ function open(command: StreamCommand & { type: "open" }): void {
   core = new StreamCore(options, {
     WebSocket,
     decode: decoder(command.decoders),
-    disk: diskBytes > 0 ? new DiskShelf(sceneUrl, diskBytes, xxh3) : undefined,
-    emit: (events) => post({ type: "events", events }),
+    disk: diskBytes > 0 ? new DiskCache(sceneUrl, diskBytes) : undefined,
+    emit: (event) => post({ type: "event", event }),
   });
   core.start().catch(crash);
 }
@@ -59,14 +58,14 @@ function takeToken({ question, token, error }: StreamCommand & { type: "token" }
 /** Decodes in a pool of workers; in this one on platforms whose workers cannot make workers. */
 function decoder(count: number): StreamCorePlatform["decode"] {
   if (typeof Worker === "undefined") {
-    return (payload, segment, attributes) => decodeSegment(payload, segment, attributes, imageDecoder());
+    return (payload, attributes) => decodeSegment(payload, attributes, imageDecoder());
   }
   const pool = new DecodePool(
     count,
     () => new Worker(new URL("./decode.worker.ts", import.meta.url), { type: "module", name: "terraport decode" }),
   );
   closePool = () => pool.close();
-  return (payload, segment, attributes) => pool.decode({ payload, segment, attributes });
+  return (payload, attributes) => pool.decode({ payload, attributes });
 }
 
 async function answer(stream: StreamCore, question: StreamQuestion): Promise<void> {
@@ -74,7 +73,7 @@ async function answer(stream: StreamCore, question: StreamQuestion): Promise<voi
   try {
     if (question.type === "mesh") {
       // Handed over, not copied: the cache keeps payloads, never meshes.
-      const mesh = await stream.mesh(question.segment, question.attributes);
+      const mesh = await stream.mesh(question.key, question.attributes);
       post({ type: "answer", id, value: mesh }, transferablesOfMesh(mesh));
       return;
     }

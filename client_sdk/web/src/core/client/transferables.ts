@@ -9,10 +9,9 @@ export function transferablesOfMesh(mesh: MeshData): Transferable[] {
   return [...buffersOf(arrays), ...(mesh.image === null ? [] : pixelsOf(mesh.image))];
 }
 
-/** The buffers of a scene's base mesh and cover. */
-export function transferablesOfScene(files: SceneFiles): Transferable[] {
-  const { base, cover } = files;
-  return [...new Set([...transferablesOfMesh(base), ...buffersOf([cover.offsets, cover.segments])])];
+/** The buffers of a scene's base mesh. */
+export function transferablesOfScene({ base }: SceneFiles): Transferable[] {
+  return transferablesOfMesh(base);
 }
 
 function buffersOf(arrays: readonly (ArrayBufferView | null)[]): Transferable[] {

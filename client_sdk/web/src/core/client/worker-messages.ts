@@ -1,12 +1,13 @@
 /** What passes between the page, the stream's worker and the decode workers. */
 
-import type { GroupCommand } from "../group-types.ts";
+import type { GroupCommand } from "../extras/group-types.ts";
 import type {
   AttributeScale,
   LandOptions,
   MeshData,
   PickHit,
   SceneFiles,
+  SegmentKey,
   StreamEvent,
   StreamOptions,
   StreamStats,
@@ -50,14 +51,14 @@ export type StreamQuestion =
   | {
       readonly type: "mesh";
       readonly id: number;
-      readonly segment: number;
+      readonly key: SegmentKey;
       readonly attributes: readonly AttributeScale[];
     }
   | { readonly type: "stats"; readonly id: number };
 
 /** Stream worker to page. */
 export type StreamMessage =
-  | { readonly type: "events"; readonly events: readonly StreamEvent[] }
+  | { readonly type: "event"; readonly event: StreamEvent }
   | { readonly type: "answer"; readonly id: number; readonly value: StreamAnswer }
   | { readonly type: "failed"; readonly id: number; readonly error: SentError }
   /** The page's function is asked for the present token. */
@@ -71,7 +72,6 @@ export type StreamAnswer = PickHit | MeshData | StreamStats | null;
 
 /** Stream worker to decode worker. */
 export interface DecodeJob {
-  readonly segment: number;
   readonly payload: Uint8Array<ArrayBuffer>;
   readonly attributes: readonly AttributeScale[];
 }

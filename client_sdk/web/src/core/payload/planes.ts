@@ -26,6 +26,11 @@ export class Planes {
     return this.#stream.subarray(this.#at - bytes, this.#at);
   }
 
+  /** Pass over so many bytes, which must be there. */
+  skip(bytes: number): void {
+    this.#at += bytes;
+  }
+
   /** Take a plane of differences into every `stride`-th entry from `first` on. The bytes must be there. */
   differences<T extends Uint8Array | Uint16Array | Uint32Array>(target: T, width: 1 | 2 | 4, first = 0, stride = 1): T {
     const stream = this.#stream;
@@ -53,4 +58,11 @@ export function countBits(bits: Uint8Array, count: number): number {
   let sum = 0;
   for (let at = 0; at < count; at += 1) sum += isSet(bits, at);
   return sum;
+}
+
+/** How many bits of a 32-bit number are 1. */
+export function countOnes(value: number): number {
+  let ones = 0;
+  for (let rest = value; rest !== 0; rest &= rest - 1) ones += 1;
+  return ones;
 }

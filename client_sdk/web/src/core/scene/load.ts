@@ -1,11 +1,9 @@
-/** What is loaded once for a version of a scene: manifest, base mesh, cover, names of the regions. A shell: it fetches. */
+/** What is loaded once for a version of a scene: manifest, base mesh, names of the regions. A shell: it fetches. */
 
-import { decodeCover } from "../payload/cover.ts";
 import { PayloadError } from "../payload/errors.ts";
-import { decodeGlb } from "../payload/glb.ts";
-import { prepareHash, xxh3 } from "../payload/hash.ts";
 import type { DecodeImage } from "../payload/image-file.ts";
-import type { MeshData, SceneFiles } from "../types.ts";
+import { decodeSegment } from "../payload/segment-format.ts";
+import type { AttributeScale, MeshData, SceneFiles } from "../types.ts";
 import { StreamError } from "./errors.ts";
 import type { HttpOptions } from "./http.ts";
 import { fetchBytes, fetchJson, parseJson } from "./http.ts";
@@ -23,7 +21,7 @@ export { listScenes, type SceneList } from "./list.ts";
 export interface LoadOptions extends HttpOptions {
   /** Scene version; the newest without it. */
   readonly version?: string | undefined;
-  /** Bytes of base mesh, cover and regions that have come, of all. Starts anew where the scene was published meanwhile. */
+  /** Bytes of base mesh and regions that have come, of all. Starts anew where the scene was published meanwhile. */
   readonly onProgress?: ((doneBytes: number, totalBytes: number) => void) | undefined;
   /**
    * Called with what is to be shown before the base is here, where the scene has that. The base is asked for afterwards; where
@@ -35,7 +33,7 @@ export interface LoadOptions extends HttpOptions {
 }
 
 /**
- * Load everything of a scene that is loaded once, in this thread. Every file is compared with its hash.
+ * Load everything of a scene that is loaded once, in this thread.
  *
  * @param sceneUrl Scene URL; or a server URL, whose only scene is meant.
  * @throws StreamError With the code of the wire protocol where the server refuses, else one of those named there.
@@ -43,7 +41,6 @@ export interface LoadOptions extends HttpOptions {
  */
 export async function loadScene(sceneUrl: string, options: LoadOptions = {}): Promise<SceneFiles> {
   const url = await resolveScene(sceneUrl, options);
-  await prepareHash();
   const checked = await fetchManifest(url, options);
   try {
     return await loadVersion(url, checked, options);
@@ -75,8 +72,7 @@ async function fetchManifest(url: string, options: LoadOptions): Promise<Checked
 }
 
 /**
- * All files of the manifest's version, or none. Each is asked for by `?v=` and compared with the manifest's hash: what a proxy
- * or a publication in between has mixed is refused here (wire protocol, 2.5, rule 2).
+ * All files of the manifest's version, or none. Each is asked for by `?v=` and must have the length that the manifest says.
  */
 async function loadVersion(url: string, checked: CheckedManifest, options: LoadOptions): Promise<SceneFiles> {
   const { manifest, files } = checked;
@@ -90,18 +86,14 @@ async function loadVersion(url: string, checked: CheckedManifest, options: LoadO
   let doneBytes = 0;
 
   const load = async (key: LoadedFile | typeof OVERVIEW, facts: FileFacts): Promise<Uint8Array<ArrayBuffer>> => {
-    const { bytes: maxBytes, xxh3: expected } = facts;
+    const { bytes: maxBytes } = facts;
     const onBytes = (bytes: number) => {
       doneBytes += bytes;
       options.onProgress?.(doneBytes, totalBytes);
     };
     const address = versioned(`${url}/${key}`, manifest.version);
     const request = { token: options.token, signal };
-    const bytes = await fetchBytes(address, request, { maxBytes, isExact: true, onBytes });
-    if (xxh3(bytes) !== expected) {
-      throw new StreamError("damaged", `${address} has another hash than the manifest says; load it again`, 200);
-    }
-    return bytes;
+    return fetchBytes(address, request, { maxBytes, isExact: true, onBytes });
   };
 
   try {
@@ -119,25 +111,18 @@ async function loadVersion(url: string, checked: CheckedManifest, options: LoadO
     regions.catch(() => undefined);
     // Before the base, not beside it: what is shown first has the link to itself.
     if (overview !== undefined && onOverview !== undefined) {
-      const first = await decodedOverview(load(OVERVIEW, overview), options.decodeImage);
+      const first = await decodedOverview(load(OVERVIEW, overview), manifest.attributes, options.decodeImage);
       if (first !== null) {
-        const offsets = new Uint32Array(first.faceCount + 1);
-        const cover = { offsets, segments: new Uint32Array(0) };
-        onOverview({ manifest, base: first, cover, ...(await regions), isOverview: true });
+        onOverview({ manifest, base: first, ...(await regions), isOverview: true });
       }
     }
-    const [glb, rows, facts] = await Promise.all([
-      load("base.glb", files["base.glb"]),
-      load("base.cover", files["base.cover"]),
-      regions,
-    ]);
-    // Right bytes may still hold a wrong file: base, cover and segment ids must belong together.
-    const base = await decodeGlb(glb, options.decodeImage);
+    const [bytes, facts] = await Promise.all([load("base.tsg", files["base.tsg"]), regions]);
+    // Right bytes may still hold a wrong file: base and hidden faces must belong together.
+    const base = await decodeSegment(bytes, manifest.attributes, options.decodeImage, "base");
     if (base.faceCount !== checked.baseFaces) {
       throw new PayloadError(`base of ${base.faceCount} faces, expected ${checked.baseFaces} by the manifest`);
     }
-    const cover = decodeCover(rows, base.faceCount, manifest.segmentCount);
-    return { manifest, base, cover, ...facts };
+    return { manifest, base, ...facts };
   } catch (error) {
     abort.abort();
     if (!(error instanceof PayloadError)) throw error;
@@ -149,10 +134,11 @@ async function loadVersion(url: string, checked: CheckedManifest, options: LoadO
 /** The overview; null where it cannot be had: the base will be the first picture. */
 async function decodedOverview(
   bytes: Promise<Uint8Array<ArrayBuffer>>,
+  attributes: readonly AttributeScale[],
   decodeImage: DecodeImage | undefined,
 ): Promise<MeshData | null> {
   try {
-    return await decodeGlb(await bytes, decodeImage);
+    return await decodeSegment(await bytes, attributes, decodeImage, "base");
   } catch (error) {
     if (error instanceof StreamError || error instanceof PayloadError) return null;
     throw error;

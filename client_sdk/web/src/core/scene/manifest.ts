@@ -1,23 +1,22 @@
 /** scene.json as a server gives it, checked for what the viewer uses (scene format, section 4). */
 
 import { PayloadError } from "../payload/errors.ts";
-import type { JsonObject } from "../payload/json-values.ts";
-import { expectList, expectNumber, expectObject, expectTriple, expectWhole, shortly } from "../payload/json-values.ts";
 import type { AttributeInfo, Bounds, SceneManifest } from "../types.ts";
 import { StreamError } from "./errors.ts";
+import type { JsonObject } from "./json-values.ts";
+import { expectList, expectNumber, expectObject, expectTriple, expectWhole, shortly } from "./json-values.ts";
 import { isSurveyAxis } from "./survey.ts";
 
 /** A file of a version. */
 export interface FileFacts {
   readonly bytes: number;
-  readonly xxh3: bigint;
 }
 
 /** Files that are loaded once for a version. */
-export type LoadedFile = "base.glb" | "base.cover" | "regions.json";
+export type LoadedFile = "base.tsg" | "regions.json";
 
 /** The base in brief, which a version may have. */
-export const OVERVIEW = "overview.glb";
+export const OVERVIEW = "overview.tsg";
 
 /** A manifest, and what must come with it. */
 export interface CheckedManifest {
@@ -30,9 +29,8 @@ export interface CheckedManifest {
 
 /** Section 12. */
 const MAX_FILE_BYTES: Readonly<Record<LoadedFile | typeof OVERVIEW, number>> = {
-  "base.glb": 2 ** 30,
+  "base.tsg": 2 ** 30,
   [OVERVIEW]: 2 ** 30,
-  "base.cover": 2 ** 26,
   "regions.json": 2 ** 28,
 };
 const MAJOR = "1";
@@ -42,7 +40,6 @@ const FLOAT32_MAX = 3.4028234663852886e38;
 /** Largest attribute code that is a value. */
 const LAST_CODE = 65534;
 const DIGEST = /^[0-9a-f]{32}$/;
-const HASH = /^[0-9a-f]{16}$/;
 /** Image types that a browser opens by itself. */
 const OPENABLE: ReadonlySet<unknown> = new Set(["image/jpeg", "image/png", "image/webp"]);
 
@@ -103,8 +100,7 @@ function readManifest(json: JsonObject, id: string): CheckedManifest {
     baseFaces: expectWhole(counts.base_faces, "counts.base_faces", 1),
     ...(files[OVERVIEW] !== undefined && { overview: readFile(files, OVERVIEW) }),
     files: {
-      "base.glb": readFile(files, "base.glb"),
-      "base.cover": readFile(files, "base.cover"),
+      "base.tsg": readFile(files, "base.tsg"),
       "regions.json": readFile(files, "regions.json"),
     },
   };
@@ -159,7 +155,7 @@ function readFile(files: JsonObject, key: keyof typeof MAX_FILE_BYTES): FileFact
   const bytes = expectWhole(file.bytes, `bytes of ${key}`, 1);
   if (bytes > MAX_FILE_BYTES[key])
     throw new PayloadError(`${key} of ${bytes} bytes, expected at most ${MAX_FILE_BYTES[key]}`);
-  return { bytes, xxh3: BigInt(`0x${expectDigest(file.xxh3, HASH, `xxh3 of ${key}`)}`) };
+  return { bytes };
 }
 
 /** What textures show of which some can be opened here. */

@@ -1,9 +1,9 @@
 /** regions.json and labels.json: what is known of the regions, and what people call them (scene format, section 11). */
 
 import { PayloadError } from "../payload/errors.ts";
-import type { JsonObject } from "../payload/json-values.ts";
-import { expectList, expectObject } from "../payload/json-values.ts";
 import type { CoarserPiece, RegionFacts, RegionPlace, RegionUnion, Vec3 } from "../types.ts";
+import type { JsonObject } from "./json-values.ts";
+import { expectList, expectObject } from "./json-values.ts";
 
 /** A label by stable id. */
 export type Labels = ReadonlyMap<number, string>;

@@ -1,63 +1,35 @@
-/** Errors of the wire, and what a client makes of a close code (wire protocol, section 11). */
+/** Errors of the wire, and what a client does after a close code (protocol, section 9). */
 
-import type { ErrorCode } from "./messages.generated.ts";
-import { CLOSE_CODES } from "./messages.generated.ts";
-
-/** Where and in which message a field was refused. */
-export interface RefusedField {
-  readonly messageType: string;
-  /** Path of the field, for example `budgets.max_bytes`. */
-  readonly field: string;
-  readonly generation?: number;
-  readonly request?: number;
-}
-
-/**
- * What the peer sent is not allowed.
- *
- * `malformed`: bytes or text that are no message and no frame. `too_large`: beyond the limit of its direction.
- * `invalid_field`: a known message with a field that is missing, mistyped or out of range.
- */
+/** Bytes from the server that the protocol does not allow; the connection cannot go on. */
 export class DecodeError extends Error {
   override readonly name = "DecodeError";
+  /** `malformed`: not a message or frame. `too_large`: above a limit. `invalid_field`: a field is missing or out of range. */
   readonly code: "malformed" | "too_large" | "invalid_field";
-  /** False for messages that change nothing by being refused; else the connection cannot go on. */
-  readonly fatal: boolean;
-  /** Byte (JSON: character) in the received message, where one is known. */
-  readonly offset: number | undefined;
-  readonly messageType: string | undefined;
-  readonly field: string | undefined;
-  readonly generation: number | undefined;
-  readonly request: number | undefined;
 
-  /** `text` says what was received and what was expected. */
-  constructor(code: DecodeError["code"], text: string, details: { offset?: number; refused?: RefusedField } = {}) {
-    super(details.offset === undefined ? text : `${text} (at byte ${details.offset})`);
+  /** @param text - what was received and what was expected. */
+  constructor(code: DecodeError["code"], text: string) {
+    super(text);
     this.code = code;
-    this.offset = details.offset;
-    this.messageType = details.refused?.messageType;
-    this.field = details.refused?.field;
-    this.generation = details.refused?.generation;
-    this.request = details.refused?.request;
-    this.fatal = details.refused === undefined || !NOT_FATAL.has(details.refused.messageType);
   }
 }
 
-/** Our own side tried to send a message that is not allowed. */
-export class InvalidMessageError extends Error {
-  override readonly name = "InvalidMessageError";
-  readonly messageType: string;
-  readonly field: string;
-
-  constructor(messageType: string, field: string, text: string) {
-    super(`${messageType}.${field}: ${text}`);
-    this.messageType = messageType;
-    this.field = field;
-  }
-}
-
-/** Messages that are refused alone: they changed nothing, so the session goes on. */
-const NOT_FATAL: ReadonlySet<string> = new Set(["aim", "land", "pick", "join", "gather"]);
+/** The close code of each error code where it is fatal. */
+export const CLOSE_CODES = {
+  malformed: 4400,
+  invalid_field: 4400,
+  out_of_order: 4400,
+  radius_too_large: 4400,
+  unauthorised: 4401,
+  forbidden: 4403,
+  group_refused: 4403,
+  unknown_scene: 4404,
+  timeout: 4408,
+  unsupported_version: 4409,
+  too_large: 4413,
+  too_many: 4429,
+  internal: 4500,
+  draining: 4503,
+} as const;
 
 /** What a client does after a close: nothing, connect again, ask for another token, or stop. */
 export type AfterClose = "done" | "again" | "token" | "stop";
@@ -72,15 +44,12 @@ const AFTER_CLOSE: ReadonlyMap<number, AfterClose> = new Map([
   [CLOSE_CODES.too_large, "stop"],
 ]);
 
-/** What a client does after a connection was closed with this code; every other one may pass, so `again`. */
+/** What a client does after a connection was closed with this code. Any other close may be temporary: `again`. */
 export function afterClose(closeCode: number): AfterClose {
   return AFTER_CLOSE.get(closeCode) ?? "again";
 }
 
-/** The error code that a close code stands for, where a close came without an `error` message; else `"closed"`. */
-export function codeOfClose(closeCode: number): ErrorCode | "closed" {
-  for (const [code, close] of Object.entries(CLOSE_CODES)) {
-    if (close === closeCode) return code as ErrorCode;
-  }
-  return "closed";
+/** The error code of a close code, for a close without an `error` message; else `"closed"`. */
+export function codeOfClose(closeCode: number): string {
+  return Object.entries(CLOSE_CODES).find(([, close]) => close === closeCode)?.[0] ?? "closed";
 }

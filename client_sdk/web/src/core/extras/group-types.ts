@@ -1,4 +1,4 @@
-/** A group that goes together, as one of its members sees it (wire protocol, section 16). */
+/** A group that goes together, as one of its members sees it (protocol, section 10). */
 
 /** A guide moves the group; there is one at most. */
 export type GroupRole = "guide" | "member";
@@ -66,7 +66,7 @@ export type GroupNews = "joined" | "roster" | "called" | "gathered" | "left" | "
 /** Why a join or gather came to nothing. */
 export interface GroupRefusal {
   readonly request: number;
-  /** Of the wire protocol. */
+  /** An error code of the protocol. */
   readonly code: string;
   readonly message: string;
 }

@@ -1,6 +1,6 @@
 /** Values out of a parsed JSON document, each checked for what it is before it is used. */
 
-import { PayloadError } from "./errors.ts";
+import { PayloadError } from "../payload/errors.ts";
 
 /** A JSON object; what its keys hold is not known. */
 export type JsonObject = Readonly<Record<string, unknown>>;

@@ -1,11 +1,11 @@
 /** Strokes that people paint on a scene, and what they have taught (wire protocol, section 2.5). A shell: it fetches. */
 
 import { PayloadError } from "../payload/errors.ts";
-import type { JsonObject } from "../payload/json-values.ts";
-import { expectList, expectNumber, expectObject, expectWhole, shortly } from "../payload/json-values.ts";
-import type { PaintedStroke, Stroke, TaughtGround, TaughtName } from "../types.ts";
-import { StreamError } from "./errors.ts";
-import { fetchBytes, fetchJson, type HttpOptions, parseJson } from "./http.ts";
+import { StreamError } from "../scene/errors.ts";
+import { fetchBytes, fetchJson, type HttpOptions, parseJson } from "../scene/http.ts";
+import type { JsonObject } from "../scene/json-values.ts";
+import { expectList, expectNumber, expectObject, expectWhole, shortly } from "../scene/json-values.ts";
+import type { PaintedStroke, Stroke, TaughtGround, TaughtName } from "./stroke-types.ts";
 
 /** All strokes of a scene, in the order in which they were painted. */
 export interface StrokeList {

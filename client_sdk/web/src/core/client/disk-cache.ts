@@ -1,42 +1,41 @@
 /**
  * Payloads on disk, so that a reload, or a visit on another day, loads nothing twice.
  *
- * In the browser's Cache storage, in bundles ({@link writeBundle}), over all scenes of this origin within one bound of bytes:
+ * In the browser's Cache storage, in bundles, over all scenes of this origin within one bound of bytes:
  * the oldest bundle goes first. What cannot be kept (no such storage, a full disk, a page without a secure context) is not:
- * nothing here fails. Whoever may read the browser's profile may read it, as the browser's own cache.
+ * nothing here fails.
  */
 
+import { crc32 } from "../payload/crc32.ts";
 import type { CachedSegment } from "../session/cache.ts";
-import { readBundle, writeBundle } from "../session/kept-bundle.ts";
+import type { Bounds, SegmentKey } from "../types.ts";
 
-const STORAGE = "terraport-payload-1";
+const STORAGE = "terraport-payload-2";
 /** Written when so much has come, or nothing more for so long. */
 const BUNDLE_BYTES = 8 * 1024 * 1024;
 const QUIET_MS = 1500;
-/** A visit begins by then at the latest: what was read so far counts. */
+/** A visit begins by then at the latest, with what was read so far. */
 const RESTORE_MS = 1500;
 
-/** Kept payloads of one scene. */
-export class DiskShelf {
+/** Payloads of one scene on disk. */
+export class DiskCache {
   readonly #sceneUrl: string;
   readonly #maxBytes: number;
-  readonly #xxh3: (bytes: Uint8Array) => bigint;
-  /** Hashes of what is on disk for this scene, or about to be. */
-  readonly #kept = new Set<bigint>();
+  /** Keys of what is on disk for this scene, or about to be. */
+  readonly #kept = new Set<SegmentKey>();
   #waiting: CachedSegment[] = [];
   #waitingBytes = 0;
   #timer: ReturnType<typeof setTimeout> | null = null;
 
-  /** @param maxBytes - bound on what is kept of all scenes together. */
-  constructor(sceneUrl: string, maxBytes: number, xxh3: (bytes: Uint8Array) => bigint) {
+  /** @param maxBytes - bound on the bytes of all scenes together. */
+  constructor(sceneUrl: string, maxBytes: number) {
     this.#sceneUrl = sceneUrl;
     this.#maxBytes = maxBytes;
-    this.#xxh3 = xxh3;
   }
 
-  /** What was kept of this scene, the newest first, at most so many bytes of it. */
+  /** Read the payloads of this scene, at most so many bytes of the newest; those come last. */
   async restore(maxBytes: number): Promise<readonly CachedSegment[]> {
-    const entries = new Map<number, CachedSegment>();
+    const entries: CachedSegment[] = [];
     const endMs = performance.now() + RESTORE_MS;
     let bytes = 0;
     try {
@@ -47,22 +46,22 @@ export class DiskShelf {
         const response = await cache.match(request);
         if (response === undefined) continue;
         bytes += size;
-        for (const entry of readBundle(new Uint8Array(await response.arrayBuffer()), this.#xxh3)) {
-          this.#kept.add(entry.facts.xxh3);
-          // The newest is the one of the newest version.
-          if (!entries.has(entry.facts.segment)) entries.set(entry.facts.segment, entry);
+        for (const entry of readBundle(new Uint8Array(await response.arrayBuffer()))) {
+          if (this.#kept.has(entry.key)) continue;
+          this.#kept.add(entry.key);
+          entries.push(entry);
         }
       }
     } catch {
       // No storage: nothing was kept.
     }
-    return [...entries.values()];
+    return entries.reverse();
   }
 
-  /** Keep a payload that came; soon, not now. */
+  /** Write a payload soon. */
   put(entry: CachedSegment): void {
-    if (this.#kept.has(entry.facts.xxh3) || entry.payload.byteLength > this.#maxBytes) return;
-    this.#kept.add(entry.facts.xxh3);
+    if (this.#kept.has(entry.key) || entry.payload.byteLength > this.#maxBytes) return;
+    this.#kept.add(entry.key);
     this.#waiting.push(entry);
     this.#waitingBytes += entry.payload.byteLength;
     if (this.#timer !== null) clearTimeout(this.#timer);
@@ -121,4 +120,50 @@ function bundlesOf(requests: readonly Request[]): Bundle[] {
     };
   });
   return bundles.sort((a, b) => a.timeMs - b.timeMs);
+}
+
+/** Size of the head, and its CRC-32. */
+const PREFIX_BYTES = 8;
+
+type Row = readonly [key: SegmentKey, length: number, bounds: Bounds | null];
+
+/**
+ * Write payloads in one run of bytes: the size of the head and its CRC-32 (u32, little-endian), the head (JSON), the payloads in
+ * its order.
+ */
+function writeBundle(entries: readonly CachedSegment[]): Uint8Array<ArrayBuffer> {
+  const rows = entries.map(({ key, payload, bounds }): Row => [key, payload.length, bounds]);
+  const head = new TextEncoder().encode(JSON.stringify(rows));
+  const size = entries.reduce((sum, { payload }) => sum + payload.length, PREFIX_BYTES + head.length);
+  const bundle = new Uint8Array(size);
+  const view = new DataView(bundle.buffer);
+  view.setUint32(0, head.length, true);
+  view.setUint32(4, crc32(head), true);
+  bundle.set(head, PREFIX_BYTES);
+  let at = PREFIX_BYTES + head.length;
+  for (const { payload } of entries) {
+    bundle.set(payload, at);
+    at += payload.length;
+  }
+  return bundle;
+}
+
+/**
+ * Read a bundle, as far as it is whole; nothing where its head is damaged. Payloads have checksums of their own, which decoding
+ * checks: a damaged one is dropped then, and loaded again.
+ */
+function readBundle(bundle: Uint8Array<ArrayBuffer>): readonly CachedSegment[] {
+  if (bundle.length < PREFIX_BYTES) return [];
+  const view = new DataView(bundle.buffer);
+  let at = PREFIX_BYTES + view.getUint32(0, true);
+  const head = bundle.subarray(PREFIX_BYTES, at);
+  if (crc32(head) !== view.getUint32(4, true)) return [];
+  const entries: CachedSegment[] = [];
+  for (const [key, length, bounds] of JSON.parse(new TextDecoder().decode(head)) as readonly Row[]) {
+    // Copied: a view would keep the whole bundle in memory as long as one of its segments is.
+    const payload = bundle.slice(at, at + length);
+    at += length;
+    if (payload.length === length) entries.push({ key, payload, bounds });
+  }
+  return entries;
 }

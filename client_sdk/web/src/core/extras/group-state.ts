@@ -1,25 +1,14 @@
 /**
- * The seat in a group, over all connections of a session (wire protocol, section 16).
+ * The seat in a group, over all connections of a session (protocol, section 10).
  *
  * PURE.
  */
 
-import type { Gathering, GroupCommand, GroupEvent, GroupFacts, GroupNews, GroupRefusal } from "../group-types.ts";
-import type {
-  ArrivedMessage,
-  ClientMessage,
-  ErrorMessage,
-  GatheredMessage,
-  GatheringMessage,
-  GatherMessage,
-  JoinedMessage,
-  JoinMessage,
-  RosterMessage,
-  ServerLimitsPart,
-} from "../wire/messages.generated.ts";
+import { type ClientMessage, encodeMessage, type ServerMessage } from "../wire/messages.ts";
+import type { Gathering, GroupCommand, GroupEvent, GroupFacts, GroupNews, GroupRefusal } from "./group-types.ts";
 
 /** A message about groups. */
-export type GroupMessage = JoinedMessage | RosterMessage | GatheringMessage | GatheredMessage;
+export type GroupMessage = ServerMessage<"joined" | "roster" | "gathering" | "gathered">;
 
 /** Gathers that wait for an answer; beyond it the oldest is refused here. */
 const MOST_GATHERS = 16;
@@ -39,14 +28,14 @@ export class GroupState {
   readonly #report: GroupStateOptions["report"];
   readonly #isOpen: GroupStateOptions["isOpen"];
   /** As it is asked of each connection; null without a wish for a seat. */
-  #join: JoinMessage | null = null;
+  #join: ClientMessage<"join"> | null = null;
   #isSeated = false;
   #group: GroupFacts | null = null;
   /** That wait for an answer, by their requests, in the order asked for. */
-  readonly #gathers = new Map<number, GatherMessage>();
+  readonly #gathers = new Map<number, ClientMessage<"gather">>();
   /** The newest gathering, and what was said of it. */
   #newest = 0;
-  #arrived: ArrivedMessage | null = null;
+  #arrived: ClientMessage<"arrived"> | null = null;
 
   constructor({ send, report, isOpen }: GroupStateOptions) {
     this.#send = send;
@@ -54,8 +43,13 @@ export class GroupState {
     this.#isOpen = isOpen;
   }
 
-  /** Do what a command says; it was checked (`checks.ts`). */
+  /**
+   * Do what a command says.
+   *
+   * @throws RangeError as {@link checkGroup}; nothing has changed.
+   */
   take(command: GroupCommand, request: number): void {
+    checkGroup(command);
     if (command.type === "join") {
       // Also where the new seat is refused: the caller has given the old one up.
       this.#leave();
@@ -75,10 +69,10 @@ export class GroupState {
   }
 
   /** The server said welcome: the seat is taken again. */
-  connected(limits: ServerLimitsPart): void {
+  connected(limits: ServerMessage<"welcome">["limits"]): void {
     const join = this.#join;
     if (join === null) return;
-    if ((limits.groups ?? "none") !== "none") {
+    if (limits.groups !== "none") {
       this.#send(join);
       return;
     }
@@ -106,7 +100,7 @@ export class GroupState {
   }
 
   /** Take an error; whether it was one of the group's. */
-  refused({ request, code, message }: ErrorMessage): boolean {
+  refused({ request, code, message }: ServerMessage<"error">): boolean {
     if (request === undefined) return false;
     if (request === this.#join?.request) this.#reset();
     else if (!this.#gathers.delete(request)) return false;
@@ -119,7 +113,7 @@ export class GroupState {
     this.#reset();
   }
 
-  #gather(gather: GatherMessage): void {
+  #gather(gather: ClientMessage<"gather">): void {
     this.#gathers.set(gather.request, gather);
     const [oldest] = this.#gathers.keys();
     if (this.#gathers.size > MOST_GATHERS && oldest !== undefined) {
@@ -130,7 +124,7 @@ export class GroupState {
     if (this.#isSeated) this.#send(gather);
   }
 
-  #onJoined({ group: name, member, role, seat }: JoinedMessage, join: JoinMessage): void {
+  #onJoined({ group: name, member, role, seat }: ServerMessage<"joined">, join: ClientMessage<"join">): void {
     this.#isSeated = true;
     if (seat !== join.seat) {
       // A new seat, perhaps on a new server: its gatherings count from 1 again.
@@ -144,7 +138,7 @@ export class GroupState {
     for (const gather of this.#gathers.values()) this.#send(gather);
   }
 
-  #onRoster(message: RosterMessage, group: GroupFacts): void {
+  #onRoster(message: ServerMessage<"roster">, group: GroupFacts): void {
     if (message.group !== group.name) return;
     const members = message.members.map(({ member, name, role, present, position }) => ({
       member,
@@ -157,7 +151,7 @@ export class GroupState {
     this.#tell("roster");
   }
 
-  #onGathering(message: GatheringMessage, group: GroupFacts): void {
+  #onGathering(message: ServerMessage<"gathering">, group: GroupFacts): void {
     const { gathering: number, guide, position, radius_m: radiusM, left_ms: leftMs } = message;
     if (number === this.#newest) {
       if (this.#arrived !== null && leftMs !== undefined) this.#send(this.#arrived);
@@ -173,7 +167,7 @@ export class GroupState {
     this.#tell("called");
   }
 
-  #onGathered({ gathering: number, ready, degraded, missing }: GatheredMessage, group: GroupFacts): void {
+  #onGathered({ gathering: number, ready, degraded, missing }: ServerMessage<"gathered">, group: GroupFacts): void {
     if (number !== this.#newest || group.gathering === null) return;
     this.#group = { ...group, gathering: { ...group.gathering, isOver: true, ready, degraded, missing } };
     this.#tell("gathered");
@@ -193,19 +187,24 @@ export class GroupState {
   }
 }
 
-/** The message for a command. */
-export function joinMessage(
+/** @throws RangeError for a name or number that the protocol does not allow. */
+export function checkGroup(command: GroupCommand): void {
+  if (command.type === "join") encodeMessage(joinMessage(command, 0));
+  else if (command.type === "gather") encodeMessage(gatherMessage(command, 0));
+  else if (command.type === "arrive") encodeMessage(arrivedMessage(command));
+}
+
+function joinMessage(
   { group, role, name }: Extract<GroupCommand, { readonly type: "join" }>,
   request: number,
-): JoinMessage {
+): ClientMessage<"join"> {
   return { type: "join", request, group, role, ...(name !== null && { name }) };
 }
 
-/** The message for a command. */
-export function gatherMessage(
+function gatherMessage(
   { position, radiusM, innerRadiusM, deadlineMs }: Extract<GroupCommand, { readonly type: "gather" }>,
   request: number,
-): GatherMessage {
+): ClientMessage<"gather"> {
   return {
     type: "gather",
     request,
@@ -216,10 +215,9 @@ export function gatherMessage(
   };
 }
 
-/** The message for a command. */
-export function arrivedMessage({
+function arrivedMessage({
   gathering,
   state,
-}: Extract<GroupCommand, { readonly type: "arrive" }>): ArrivedMessage {
+}: Extract<GroupCommand, { readonly type: "arrive" }>): ClientMessage<"arrived"> {
   return { type: "arrived", gathering, state };
 }
