@@ -91,7 +91,7 @@ def test_a_walk_shows_and_hides_what_the_python_sdk_does(unity: Unity, server: S
 def test_a_return_is_shown_at_once_and_costs_no_bytes(unity: Unity, server: Service) -> None:
     far = (55, 1, 55, 12)
     url = f"{server.url}/scenes/grid"
-    visit = unity.land(url, *steps("land", (5, 1, 5, 12), far, (5, 1, 5, 12)), "pause:300")
+    visit = unity.land(url, *steps("land", (5, 1, 5, 12), far, (5, 1, 5, 12)), "wait")
     first, second, third = visit.shown
     assert first == third != second
     order = [event["type"] for event in visit["events"] if event["landing"] == 3]
@@ -364,7 +364,7 @@ def test_a_session_outlives_its_tokens(unity: Unity, scenes: Path, tmp_path: Pat
         renewed(tmp_path / "token", 3),
     ):
         url = server.scene_url("grid")
-        walk = (*land, "pause:5500", *land, "pause:300")
+        walk = (*land, "pause:5500", *land, "wait")
         visit = unity.land(url, *walk, token_file=tmp_path / "token")
     assert visit.failure is None
     assert visit.of("planned")[-1]["load"] == 0

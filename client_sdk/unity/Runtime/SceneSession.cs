@@ -95,22 +95,30 @@ namespace Terraport.Unity
             // Cleared first: a listener of a failure may call Reconnect, which looks at it.
             Task<SceneFiles> finished = loading;
             loading = null;
+            SceneFiles files;
             try
             {
-                SceneFiles files = finished.GetAwaiter().GetResult();
-                if (Client == null)
-                    Client = new SceneClient(OptionsOf(files), files, Renderer, GroundVertex.Bytes);
-                else
-                    Client.ReplaceFiles(files);
-                retryInS = MinRetryS;
-                Loaded?.Invoke(files);
+                files = finished.GetAwaiter().GetResult();
             }
             catch (Exception error) when (!(error is OutOfMemoryException))
             {
                 retryAtS = Time.realtimeSinceStartup + retryInS;
                 retryInS = Math.Min(retryInS * 2, MaxRetryS);
                 Failed?.Invoke(error as TerraportException ?? new TerraportException("load", error.Message, null, error));
+                return;
             }
+            retryInS = MinRetryS;
+            if (Client == null)
+                Client = new SceneClient(OptionsOf(files), files, Renderer, GroundVertex.Bytes);
+            else
+                Client.ReplaceFiles(files);
+            // Published once more since the connection was made: another connection gets the newest version.
+            if (Client.NeedsFiles)
+            {
+                retryAtS = Time.realtimeSinceStartup + MinRetryS;
+                Client.Restart();
+            }
+            Loaded?.Invoke(files);
         }
 
         private SceneClientOptions OptionsOf(SceneFiles files)

@@ -66,8 +66,6 @@ namespace Terraport.Tools
             if (isChanged) Show(new byte[0]);
         }
 
-        public void Planned(Landing landing) {}
-
         public void Arrived(ulong key, byte[] payload)
         {
             try
@@ -91,16 +89,12 @@ namespace Terraport.Tools
 
         public void Whole(Landing landing, List<PlanRow> rows, List<uint> missing) { Show(landing.Hidden); }
 
-        public void Superseded(int landing, int by) {}
-
+        // What the corpus says nothing of.
+        public void Planned(Landing landing) {}
         public void Refused(int? landing, string code, string message, bool isFatal) {}
-
         public void Picked(int request, PickHit hit, string code) {}
-
         public void Noticed(Notice notice) {}
-
         public void GroupChanged(GroupChange change) {}
-
         public void GroupRefused(int request, string code, string message) {}
 
         private void Show(byte[] bits)

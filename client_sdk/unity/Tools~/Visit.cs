@@ -18,7 +18,7 @@ namespace Terraport.Tools
             + "  --token T  --token-file PATH (read again for each connection)  --max-triangles N  --max-bytes N  --max-segments N\n"
             + "  --cache-bytes N  --credit-bytes N  --spare-bytes N  --disk FOLDER  --disk-bytes N  --decode-threads N  --timeout-s S\n"
             + "  --ring 0|1  --dump FOLDER (normals of what is shown)\n"
-            + "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS] (until shown)  start:... (until planned)  wait (until shown)  "
+            + "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS] (until shown)  start:... (until planned)  wait (until shown and answered)  "
             + "aim:X,Y,Z,RADIUS\n"
             + "       pick:X,Y,Z[,DX,DY,DZ]  stand:X,Y,Z (height and segment of the ground shown)  pause:MS  reconnect[:TOKEN]\n"
             + "       join:NAME,guide|member[,OWN_NAME]  leave  people:N  follow:0|1  gather:X,Y,Z,RADIUS  barrier:N\n";
@@ -134,7 +134,7 @@ namespace Terraport.Tools
                         numbers.Length < 6 ? null : new LandOptions { InnerRadiusM = numbers[4], DeadlineMs = numbers[5] });
                     Until(step, () => kind == "start" ? client.Status.Plan != null : client.Status.Phase == LandingPhase.Shown, true);
                     break;
-                case "wait": Until(step, () => client.Status.Phase == LandingPhase.Shown, true); break;
+                case "wait": Until(step, () => client.Status.Phase == LandingPhase.Shown && client.Status.ReadyMs != null, true); break;
                 case "aim": client.Aim(place, numbers[3]); break;
                 case "pick":
                     count = picks.Count;

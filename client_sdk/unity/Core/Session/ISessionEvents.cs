@@ -24,9 +24,6 @@ namespace Terraport
         /// <summary>A landing is whole, except for segments that are not available.</summary>
         void Whole(Landing landing, List<PlanRow> rows, List<uint> missing);
 
-        /// <summary>An unfinished landing was replaced by a newer one.</summary>
-        void Superseded(int landing, int by);
-
         /// <summary>The service refused a landing (null: something else) or, where it is fatal, the connection.</summary>
         void Refused(int? landing, string code, string message, bool isFatal);
 

@@ -91,7 +91,12 @@ namespace Terraport
         {
             bool isOther = newToken != null && newToken != tokenShown;
             if (newToken != null) token = () => newToken;
-            if (transport != null && !isOther) return;
+            if (transport == null || isOther) Restart();
+        }
+
+        /// <summary>Connect again at once, whatever the present connection does.</summary>
+        internal void Restart()
+        {
             Detach();
             retryAtMs = 0;
             attempt = 0;

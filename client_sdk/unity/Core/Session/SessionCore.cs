@@ -147,7 +147,7 @@ namespace Terraport
             IsOpen = isGreeting = false;
             ClearOutbox();
             part = null;
-            while (open.Count > 1) EndOldest();
+            if (open.Count > 1) open.RemoveRange(0, open.Count - 1);
             foreach (Landing landing in open) landing.AskAgain();
             Group.ConnectionLost();
         }
@@ -189,11 +189,8 @@ namespace Terraport
             var landing = new Landing(landings + 1, position, radiusM, innerRadiusM, coarseRadiusM);
             landings++;
             aim = null;
-            Landing replaced = open.LastOrDefault();
-            bool isUnsent = replaced != null && replaced.Generation == null;
-            if (isUnsent) open.RemoveAt(open.Count - 1);
+            open.RemoveAll(one => one.Generation == null);
             open.Add(landing);
-            if (isUnsent) events.Superseded(replaced.Number, landing.Number);
             return landing;
         }
 
@@ -346,7 +343,7 @@ namespace Terraport
                 // One id for each payload: those of the coarser level follow those of full detail.
                 if (plan.Show[row].IsCoarser) plan.Show[row].Id += segmentCount;
             }
-            while (open[0] != landing) EndOldest();
+            open.RemoveRange(0, open.IndexOf(landing));
             landing.Plan = plan;
             landing.Ready = null;
             landing.Waiting.Clear();
@@ -487,13 +484,6 @@ namespace Terraport
                 landing.IsUrgent = false;
                 events.InnerWhole(landing, rows);
             }
-        }
-
-        private void EndOldest()
-        {
-            Landing ended = open[0];
-            open.RemoveAt(0);
-            events.Superseded(ended.Number, open.Last().Number);
         }
 
         /// <summary>How far the coarser level is asked for: less of it is better than a landing that is refused.</summary>

@@ -77,8 +77,6 @@ namespace Terraport
             Raise(() => Ready?.Invoke(landing.Number));
         }
 
-        void ISessionEvents.Superseded(int landing, int by) {}
-
         void ISessionEvents.Refused(int? landing, string code, string message, bool isFatal)
         {
             if (isFatal) link.NoteRefusal(code, message);

@@ -189,6 +189,9 @@ namespace Terraport
         /// <summary>Connect now, perhaps with another token.</summary>
         internal void Reconnect(string newToken) { link.Reconnect(newToken); }
 
+        /// <summary>Connect again at once.</summary>
+        internal void Restart() { link.Restart(); }
+
         /// <summary>Show the newest landing now if it can be shown, else as soon as it can. True where it was shown now.</summary>
         internal bool Show()
         {
