@@ -34,7 +34,11 @@ PROGRAM: Final = 'with_name("terraport")'
 """How a test starts it as a program: it lies beside the interpreter."""
 
 SMALL: Final = ("tests/wire", "tests/payload", "tests/store", "tests/sdk", "tests/server")
-CORES: Final = ("tests/engines/test_units.py", "tests/engines/test_corpora.py", "tests/engines")
+CORES: Final = (
+    "tests/engines/test_unity_core.py",
+    "tests/engines/test_unreal_core.py",
+    "tests/engines",
+)
 RULES: Final[dict[str, tuple[str, ...]]] = {
     "client_sdk/web": (
         "tests/browser/test_landings.py",

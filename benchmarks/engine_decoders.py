@@ -21,7 +21,6 @@ import dataclasses
 import importlib
 import io
 import json
-import struct
 import subprocess
 import sys
 import tarfile
@@ -35,9 +34,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
-from engines import cores
-from engines.programs import Client
+from engines import cores, unreal
 from engines.unity import Unity
+from engines.unreal import CoreTool, Unreal
 from server.grid_scene import SCALES, tile_mesh
 
 from terraport_payload import AttributeScale, decode_segment, encode_segment
@@ -76,15 +75,15 @@ def main() -> int:
     )
     parser.add_argument("--smoke", action="store_true", help="small and quick")
     options = parser.parse_args()
-    clients: list[Client | Unity] = []
-    for language in ("csharp", "cpp"):
-        missing = cores.missing_for(language)
-        if missing is not None:
-            print(f"{language}: left out ({missing})")
-        elif language == "csharp":
-            clients.append(Unity(cores.csharp()))
-        else:
-            clients.append(Client(language, cpp_core(smoke=options.smoke)))
+    clients: list[Unity | Unreal] = []
+    if (lacking := cores.missing_for("csharp")) is None:
+        clients.append(Unity(cores.csharp()))
+    else:
+        print(f"csharp: left out ({lacking})")
+    if (lacking := unreal.missing()) is None:
+        clients.append(unreal.unreal())
+    else:
+        print(f"cpp: left out ({lacking})")
     seconds = 0.2 if options.smoke else options.seconds
     sources = [(path.name, scene_source(path, options.segments)) for path in options.scenes]
     decoders: dict[str, Decoder] = {"python": decode_segment}
@@ -94,12 +93,6 @@ def main() -> int:
         for name, source in sources or [("formula", formula_source(6 if options.smoke else 40))]:
             measure(name, source, clients, decoders, seconds)
     return 0
-
-
-def cpp_core(*, smoke: bool) -> cores.CppCore:
-    """Compile the core as it is shipped; to see that this works, the tests' own build will do."""
-    options = () if smoke else ("-DCMAKE_UNITY_BUILD=ON", "-DTERRAPORT_TESTS=OFF")
-    return cores.cpp(*options, name="cpp" if smoke else "cpp-release")
 
 
 def decoder_of(revision: str, folder: Path) -> Decoder:
@@ -144,7 +137,7 @@ def formula_source(count: int) -> Source:
 def measure(
     name: str,
     source: Source,
-    clients: Sequence[Client | Unity],
+    clients: Sequence[Unity | Unreal],
     decoders: dict[str, Decoder],
     seconds: float,
 ) -> None:
@@ -160,7 +153,7 @@ def measure(
         if isinstance(client, Unity):
             row("csharp", size_kb, by_unity(client, source, seconds))
         else:
-            row(client.language, size_kb, by_tool(client, source, seconds))
+            row("cpp", size_kb, by_unreal(client, source, seconds))
     for label, figures in by_python(decoders, source, seconds).items():
         row(label, size_kb, figures)
 
@@ -178,20 +171,12 @@ def by_unity(unity: Unity, source: Source, seconds: float) -> dict[str, Any]:
     return figures
 
 
-def by_tool(client: Client, source: Source, seconds: float) -> dict[str, Any]:
-    """Let a core's own program decode; returns what it printed."""
-    attributes = [
-        {"name": name, "offset": scale.offset, "step": scale.step}
-        for name, scale in source.scales.items()
-    ]
-    records = [json.dumps(attributes).encode(), *source.payloads]
-    with tempfile.TemporaryDirectory() as folder:
+def by_unreal(built: Unreal, source: Source, seconds: float) -> dict[str, Any]:
+    """Decode with the core of the Unreal plugin, compiled as for tests."""
+    with tempfile.TemporaryDirectory() as folder, CoreTool(built) as tool:
         path = Path(folder) / "payloads"
-        path.write_bytes(b"".join(struct.pack("<I", len(data)) + data for data in records))
-        done = client.run("decode", path, "--seconds", seconds, timeout_s=60 + 4 * seconds)
-    if done.returncode != 0:
-        raise subprocess.SubprocessError(done.stdout[-2000:])
-    figures: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
+        path.write_bytes(b"".join(source.payloads))
+        figures: dict[str, Any] = tool.ask(f"speed {path} {len(source.scales)} {seconds}")
     return figures
 
 

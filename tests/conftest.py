@@ -36,14 +36,14 @@ nothing, and a worker that waits for its turn does nothing else."""
 
 STARTS_FIRST: Final = (
     ONE_AFTER_ANOTHER,
-    "engines/test_landings.py",  # compiles the C++ core while another worker compiles kernels
+    "engines/test_unreal.py",  # compiles the C++ core while another worker compiles kernels
     "end_to_end/test_bad_input.py",
     "end_to_end/test_labels.py",
     "end_to_end/test_whole_path.py",
     "pipeline/workflow/test_build.py",
     "engines/test_unity_api.py",
     "engines/test_engine_layers.py",
-    "engines/test_faults.py",
+    "engines/test_unity_visits.py",
 )
 """Files and folders that take longest."""
 

@@ -18,7 +18,7 @@ from terraport.options import SessionOptions
 from terraport_wire import Direction
 from terraport_wire.protocol_2 import decode
 
-__all__ = ["CORPUS", "Player", "difference", "read_histories"]
+__all__ = ["CORPUS", "Player", "difference", "read_histories", "sent_message"]
 
 CORPUS: Final = Path(__file__).with_name("landings")
 
@@ -65,7 +65,7 @@ class Player:
         elif do == "pick":
             core.pick(given[0])
         elif do == "send":
-            told["sent"] = [_decoded(data) for data in core.data_to_send()]
+            told["sent"] = [sent_message(data) for data in core.data_to_send()]
             core.sent()
         for event in core.events():
             if isinstance(event, InnerWhole):
@@ -80,7 +80,7 @@ def _picture(keys: frozenset[int], hidden: bytes) -> dict[str, Any]:
     return {"shown": [f"{key:016x}" for key in sorted(keys)], "hidden": f"{zlib.crc32(hidden):08x}"}
 
 
-def _decoded(data: bytes) -> dict[str, Any]:
+def sent_message(data: bytes) -> dict[str, Any]:
     message = decode(data, Direction.CLIENT_TO_SERVER)
     fields = {each.name: getattr(message, each.name) for each in dataclasses.fields(message)}
     told = {name: _plain(value) for name, value in fields.items() if value is not None}

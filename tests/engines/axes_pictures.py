@@ -20,21 +20,20 @@ import numpy as np
 if __name__ == "__main__":  # run as a script: the package "engines" lies in tests/
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from conformance.scene.axes_scene import NAMES, write_axes_scene
+from conformance.scene.axes_scene import write_axes_scene
 from engines import cores
 from engines.engine_view import CONVENTIONS, Drawn, beside, draw
-from engines.programs import Client
 from engines.sdk_arrays import land_with_sdk
 from engines.unity import Unity
+from engines.unreal import CoreTool, Unreal, unreal
 from faults.service import Service
 
 import terraport.sync
 from terraport_payload.types import AnyArray
 
-__all__ = ["PICTURE", "drawn_by_client", "drawn_by_sdk", "drawn_by_unity"]
+__all__ = ["PICTURE", "drawn_by_sdk", "drawn_by_unity", "drawn_by_unreal"]
 
 PICTURE: Final = cores.ROOT / "docs" / "images" / "engine-axes.png"
-ENGINES: Final = {"cpp": "unreal"}
 LANDING: Final = (0.0, 1.0, -3.0, 60.0)
 
 
@@ -54,18 +53,6 @@ def drawn_by_sdk(url: str) -> list[Drawn]:
     ]
 
 
-def drawn_by_client(client: Client, url: str) -> list[Drawn]:
-    """Return the landed meshes as the client's engine is given them."""
-    with tempfile.TemporaryDirectory() as folder:
-        step = "land:" + ",".join(map(str, LANDING))
-        landed = client.land(url, step, dump=folder)
-        assert landed.exit_code == 0, landed.output
-        payloads = [Path(folder) / f"{segment}.tsg" for segment in landed.segments]
-        assert len(payloads) == len(NAMES)
-        done = client.run("axes", *payloads)
-    return [_mesh(record) for record in json.loads(done.stdout.strip().splitlines()[-1])]
-
-
 def drawn_by_unity(unity: Unity, url: str) -> list[Drawn]:
     """Return the meshes of the landing as the Runtime of the Unity package packs them."""
     with tempfile.TemporaryDirectory() as folder, terraport.sync.connect(url) as session:
@@ -75,6 +62,30 @@ def drawn_by_unity(unity: Unity, url: str) -> list[Drawn]:
             path.write_bytes(segment.payload)
         done = unity.run("axes", *payloads)
     return [_mesh(record) for record in json.loads(done.stdout.strip().splitlines()[-1])]
+
+
+def drawn_by_unreal(built: Unreal, url: str) -> list[Drawn]:
+    """Return the meshes of the landing as Unreal is given them."""
+    with tempfile.TemporaryDirectory() as folder, terraport.sync.connect(url) as session:
+        paths, drawn = [], []
+        for segment in session.land(LANDING[:3], LANDING[3]).ready():
+            paths.append(Path(folder) / f"{segment.id}.tsg")
+            paths[-1].write_bytes(segment.payload)
+        with CoreTool(built) as tool:
+            for path in paths:
+                told = tool.ask(f"segment {path} 32")
+                image = path.read_bytes()[told["image_offset"] :] if told["uvs"] else None
+                drawn.append(
+                    Drawn(
+                        np.array(told["unreal_positions"]).reshape(-1, 3),
+                        np.array(told["unreal_normals"]).reshape(-1, 3),
+                        np.array(told["faces"]).reshape(-1, 3),
+                        _rows(told["colours"] or None, 3),
+                        _rows(told["uvs"] or None, 2),
+                        image,
+                    )
+                )
+    return drawn
 
 
 def _mesh(record: dict[str, Any]) -> Drawn:
@@ -96,7 +107,6 @@ def _rows(values: list[float] | None, columns: int) -> AnyArray | None:
 
 def main() -> int:
     """Let both clients land in the scene of axes and draw what each hands to its engine."""
-    unreal = Client("cpp", cores.cpp())
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder) / "scenes"
         root.mkdir()
@@ -106,7 +116,7 @@ def main() -> int:
             pictures = {"Python SDK": draw(drawn_by_sdk(url), CONVENTIONS["scene"])}
             drawn = {
                 "unity": drawn_by_unity(Unity(cores.csharp()), url),
-                "unreal": drawn_by_client(unreal, url),
+                "unreal": drawn_by_unreal(unreal(), url),
             }
             for engine, meshes in drawn.items():
                 name = f"{engine.capitalize()}, as its client hands it over"

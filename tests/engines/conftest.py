@@ -14,14 +14,14 @@ from typing import NoReturn
 import pytest
 from conformance.scene.axes_scene import write_axes_scene
 from engines import cores
-from engines.programs import Client
+from engines import unreal as unreal_build
 from engines.unity import Unity
+from engines.unreal import Unreal
 from faults.service import Service
 from server.grid_scene import write_grid_scene
 from store.tiny_scene import write_tiny_scene
 
 TOKEN = "a-token-that-is-long-enough"
-LANGUAGES = ("cpp",)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -48,18 +48,12 @@ def unity() -> Unity:
 
 
 @pytest.fixture(scope="session")
-def cpp() -> cores.CppCore:
-    """Core of the Unreal plugin, its tests and tools."""
-    reason = cores.missing_for("cpp")
+def unreal() -> Unreal:
+    """The Unreal plugin's core, and its module on stubs of the engine."""
+    reason = unreal_build.missing()
     if reason is not None:
-        skip_or_fail(f"the C++ core cannot be compiled ({reason})")
-    return cores.cpp()
-
-
-@pytest.fixture(scope="session", params=LANGUAGES)
-def client(request: pytest.FixtureRequest) -> Client:
-    """Each core in turn, by its tools."""
-    return Client(request.param, request.getfixturevalue(request.param))
+        skip_or_fail(f"the Unreal plugin cannot be compiled ({reason})")
+    return unreal_build.unreal()
 
 
 @pytest.fixture(scope="session")

@@ -21,7 +21,6 @@ __all__ = [
     "UNITY",
     "UNREAL",
     "BuildError",
-    "CppCore",
     "CsCore",
     "built",
     "compile_cs",
@@ -65,35 +64,11 @@ class CsCore:
         return ["mono", str(self.folder / "terraport-tools.exe")]
 
 
-@dataclass(frozen=True)
-class CppCore:
-    """What was compiled of ``client_sdk/unreal``."""
-
-    folder: Path
-
-    @property
-    def tests(self) -> Path:
-        return self.folder / "bin" / "terraport-core-tests"
-
-    def tool(self, name: str) -> list[str]:
-        """Command of one tool: ``corpus``, ``land``, ``decode``, ``axes``."""
-        return [str(self.folder / "bin" / f"terraport-{name}")]
-
-
 def missing_for(language: str) -> str | None:
-    """Say what this machine lacks to build a core; None where nothing."""
-    if language == "csharp":
-        needed = {"mcs": "mono-mcs", "mono": "mono-runtime"}
-        files = {}
-    else:
-        needed = {"g++": "g++", "cmake": "cmake"}
-        files = {
-            "/usr/include/doctest/doctest.h": "doctest-dev",
-            "/usr/include/libwebsockets.h": "libwebsockets-dev",
-            "/usr/include/zlib.h": "zlib1g-dev",
-        }
+    """Say what this machine lacks to build the C# core; None where nothing."""
+    assert language == "csharp"
+    needed = {"mcs": "mono-mcs", "mono": "mono-runtime"}
     packages = [package for name, package in needed.items() if shutil.which(name) is None]
-    packages += [package for path, package in files.items() if not Path(path).is_file()]
     return f"apt-get install {' '.join(packages)}" if packages else None
 
 
@@ -112,26 +87,6 @@ def csharp() -> CsCore:
         compile_cs(tools, folder / "terraport-tools.exe", [own], target="exe")
 
     return CsCore(built("csharp", [*core, *tools], build))
-
-
-def cpp(*options: str, name: str = "cpp") -> CppCore:
-    """Compile core, tests and tools with CMake and the system's g++; `options` are CMake's."""
-    # Many files at once: three quarters of the time went into reading the same headers. What a
-    # file forgets to include is found where each is compiled alone: fuzz.py, stubs/compile.sh.
-    # -O1: compiling takes longer than what the tests run; fuzzing and benchmarks choose their own.
-    options = options or (
-        "-DCMAKE_UNITY_BUILD=ON",
-        "-DCMAKE_UNITY_BUILD_BATCH_SIZE=20",
-        "-DCMAKE_CXX_FLAGS_RELEASE=-O1 -DDOCTEST_CONFIG_SUPER_FAST_ASSERTS",
-    )
-    sources = [path for path in sorted(UNREAL.rglob("*")) if path.suffix in {".h", ".cpp", ".txt"}]
-
-    def build(folder: Path) -> None:
-        configure = ["cmake", "-S", str(UNREAL), "-B", str(folder), "-DCMAKE_BUILD_TYPE=Release"]
-        run_logged([*configure, *options])
-        run_logged(["cmake", "--build", str(folder), "-j", str(os.cpu_count() or 1)])
-
-    return CppCore(built(name, sources, build))
 
 
 def compile_cs(

@@ -1,4 +1,4 @@
-"""Feed damaged bytes to everything of the C++ core that reads bytes, with sanitizers.
+"""Feed damaged bytes to the readers of the Unreal plugin's core, with sanitizers.
 
     python tests/engines/fuzz.py [--seconds S | --runs N] [TARGET ...]
 
@@ -11,29 +11,50 @@ input lies where it says.
 from __future__ import annotations
 
 import argparse
+import base64
+import json
 import re
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 if __name__ == "__main__":  # run as a script: the package "engines" lies in tests/
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from engines import cores, fuzz_seeds
+from engines import unreal
 
+CORPUS = Path(__file__).resolve().parents[1] / "conformance"
 MOST_BYTES = 1 << 16
 """Of one input: larger ones only take longer."""
 SLOWEST_S = 20
 """Of one input, on a busy machine: beyond it is a hang."""
 
 
+def seeds_of(target: str) -> Iterator[bytes]:
+    """Yield the corpora in the form that each target takes; its first lines say which."""
+    if target == "segment":
+        for path in sorted(CORPUS.glob("scene/payload/*.tsg")):
+            yield b"\x04" + path.read_bytes()
+    elif target == "scene":
+        for path in sorted(CORPUS.glob("scene/*/**/*.json")):
+            yield path.read_bytes()
+    else:
+        for path in sorted(CORPUS.glob("landings/*.jsonl")):
+            for line in path.read_text().splitlines():
+                steps = json.loads(line)["steps"]
+                messages = [base64.b64decode(step[1]) for step in steps if step[0] == "receive"]
+                yield b"".join(struct.pack("<H", len(each)) + each for each in messages)
+
+
 def write_seeds(target: str, folder: Path) -> None:
     """Write the seeds of a target that are short enough."""
     folder.mkdir()
-    for number, seed in enumerate(fuzz_seeds.seeds_of(target)):
+    for number, seed in enumerate(seeds_of(target)):
         if len(seed) <= MOST_BYTES:
             (folder / str(number)).write_bytes(seed)
 
@@ -67,22 +88,19 @@ def run(program: Path, limit: str, work: Path) -> tuple[str, int, str]:
 
 
 def main() -> int:
-    """Build the C++ core's fuzzers, run each for its time and report inputs per target."""
-    parser = argparse.ArgumentParser(description="fuzz the C++ core")
+    """Build the fuzzers, run each for its time and report inputs per target."""
+    parser = argparse.ArgumentParser(description="fuzz the core of the Unreal plugin")
     parser.add_argument("targets", nargs="*")
     parser.add_argument("--seconds", type=int, default=10, help="of each target")
     parser.add_argument("--runs", type=int, help="inputs of each target, in place of seconds")
     options = parser.parse_args()
-    if shutil.which("clang++") is None or cores.missing_for("cpp") is not None:
+    if shutil.which("clang++") is None or unreal.missing() is not None:
         sys.stdout.write("fuzz: left out (apt-get install clang cmake g++)\n")
         return 0
-    built = cores.cpp(
+    built = unreal.unreal(
         "-DCMAKE_CXX_COMPILER=clang++",
         "-DCMAKE_CXX_FLAGS_RELEASE=-O1",  # compiles in half the time, and inputs are small
         "-DTERRAPORT_FUZZ=ON",
-        "-DTERRAPORT_SANITIZE=ON",
-        "-DTERRAPORT_TESTS=OFF",
-        "-DTERRAPORT_TOOLS=OFF",
         name="fuzz",
     )
     names = sorted(path.name for path in (built.folder / "bin").iterdir())

@@ -10,35 +10,15 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import xxhash
 
 import terraport.sync
 from terraport_payload import SegmentMesh
 
-__all__ = ["NORMAL_STEP", "digests", "land_with_sdk", "normals_apart"]
+__all__ = ["NORMAL_STEP", "land_with_sdk", "normals_apart"]
 
 NORMAL_STEP: Final = 1.02 / 127
 """One code of a normal's component. meshoptimizer's native x86 decoder takes an approximate root
 where the portable one, which the engine clients have, takes an exact one."""
-
-
-def digests(mesh: SegmentMesh) -> dict[str, Any]:
-    """Return what `land` prints for a segment, for a mesh that the SDK decoded."""
-    texture = mesh.texture
-    return {
-        "vertices": len(mesh.positions),
-        "faces": len(mesh.faces),
-        "positions": _digest(mesh.positions, "<f4"),
-        "indices": _digest(mesh.faces, "<u4"),
-        "colours": _digest(mesh.colours, "u1"),
-        "region_ids": _digest(mesh.region_ids, "<u2"),
-        "uvs": _digest(mesh.uvs, "<f4"),
-        "image": None if texture is None else xxhash.xxh3_64_hexdigest(texture.data),
-        "media_type": None if texture is None else texture.media_type,
-        "width": 0 if texture is None else texture.width,
-        "height": 0 if texture is None else texture.height,
-        "attributes": {name: _digest(values, "<f4") for name, values in mesh.attributes.items()},
-    }
 
 
 def land_with_sdk(
@@ -64,12 +44,3 @@ def normals_apart(meshes: Mapping[int, SegmentMesh], folder: Path) -> float:
         assert np.allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-5)
         worst = max(worst, float(np.abs(normals - mesh.normals).max()))
     return worst
-
-
-def _digest(values: Any, dtype: str) -> str | None:
-    if values is None:
-        return None
-    plain = np.ascontiguousarray(values, dtype=dtype)
-    if dtype == "<f4":
-        plain = np.where(np.isnan(plain), np.float32(np.nan), plain)  # one bit pattern of many
-    return xxhash.xxh3_64_hexdigest(plain.tobytes())

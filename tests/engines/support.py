@@ -22,13 +22,12 @@ END: Final = "<!-- end -->"
 CLIENTS: Final = ("Python SDK", "viewer (web)", "Unity (C#)", "Unreal (C++)", "Godot (GDScript)")
 
 WEB: Final = "client_sdk/web/test"
-LAND: Final = "tests/engines/test_landings.py"
-FAULT: Final = "tests/engines/test_faults.py"
-CORPUS: Final = "tests/engines/test_corpora.py"
-GROUPS: Final = "tests/engines/test_groups.py"
 UNITY_CORE: Final = "tests/engines/test_unity_core.py"
 UNITY: Final = "tests/engines/test_unity_visits.py"
+UNREAL_CORE: Final = "tests/engines/test_unreal_core.py"
+UNREAL: Final = "tests/engines/test_unreal.py"
 LAYER: Final = "tests/engines/test_engine_layers.py"
+TOUR: Final = "test_everything_that_a_visitor_does"
 
 
 @dataclass(frozen=True)
@@ -64,55 +63,55 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         Yes("tests/conformance/test_wire_corpus.py", "test_bad"),
         Yes(f"{WEB}/wire-corpus.test.ts", "from a server"),
         Yes(UNITY_CORE, "test_the_whole_corpus_passes"),
-        Yes(CORPUS, "test_the_whole_corpus_passes"),
+        Yes(UNREAL_CORE, "test_messages"),
     ),
     "payload corpus": (
         Yes("tests/conformance/scene/test_scene_corpus.py", "test_payload"),
         Yes(f"{WEB}/payload-corpus.test.ts", "runs every segment of the corpus"),
         Yes(UNITY_CORE, "test_the_whole_corpus_passes"),
-        Yes(CORPUS, "test_the_whole_corpus_passes"),
+        Yes(UNREAL_CORE, "test_payload"),
     ),
     "session corpus, step by step": (
         No("protocol 2 alone"),
         Yes(f"{WEB}/session/corpus.test.ts", "the landings corpus"),
         Yes(UNITY_CORE, "test_the_whole_corpus_passes"),
-        Yes(CORPUS, "test_the_whole_session_corpus_passes"),
+        Yes(UNREAL_CORE, "test_histories"),
     ),
     "segments array for array as the Python SDK": (
         Yes(SDK_LAND, "test_a_landing_brings_every_segment_within_the_radius"),
         SERVER,
         Yes(UNITY, "test_segments_are_those_of_the_python_sdk"),
-        Yes(LAND, "test_assembled_segments_are_those_of_the_python_sdk"),
+        Yes(UNREAL, "test_segments_are_those_of_the_sdk_array_for_array"),
     ),
     "visible sets of a walk as the Python SDK": (
         Yes(SDK_LAND, "test_after_every_hop_exactly_what_is_within_the_radius_is_shown"),
         Yes(f"{WEB}/client/server.test.ts", "visible sets are those of the Python SDK"),
         Yes(UNITY, "test_a_walk_shows_and_hides_what_the_python_sdk_does"),
-        Yes(LAND, "test_visible_sets_of_a_walk_are_those_of_the_python_sdk"),
+        Yes(UNREAL, "test_what_is_drawn_after_each_landing_is_what_the_sdk_shows"),
     ),
     "a second visit costs no bytes": (
         Yes(SDK_CORE, "test_what_stays_is_named_and_comes_once"),
         SERVER,
         Yes(UNITY, "test_a_return_is_shown_at_once_and_costs_no_bytes"),
-        Yes(LAND, "test_a_second_visit_costs_no_bytes"),
+        Yes(UNREAL, "test_what_is_drawn_after_each_landing_is_what_the_sdk_shows"),
     ),
     "a newer landing supersedes": (
         Yes(SDK_LAND, "test_a_newer_landing_supersedes_the_older"),
         Yes(f"{WEB}/client/server.test.ts", "a newer landing supersedes the older"),
         Yes(UNITY, "test_a_newer_landing_supersedes_the_older"),
-        Yes(LAND, "test_a_newer_landing_supersedes_the_older"),
+        Yes(UNREAL, "test_a_newer_landing_supersedes_the_older"),
     ),
     "budgets": (
         Yes(SDK_LAND, "test_budgets_are_never_exceeded"),
         Yes(f"{WEB}/session/corpus.test.ts", "the landings corpus"),
         Yes(UNITY, "test_budgets_are_never_exceeded"),
-        Yes(LAND, "test_budgets_are_never_exceeded"),
+        Yes(UNREAL, "test_budgets_are_never_exceeded"),
     ),
     "deadline: the inner part first": (
         Yes(SDK_LAND, "test_a_deadline_makes_the_inner_set_presentable"),
         Yes("tests/browser/test_faults.py", "test_past_the_deadline_the_inner_part_is_shown_first"),
         Yes(UNITY, "test_a_deadline_shows_the_inner_part_first"),
-        Yes(FAULT, "test_a_deadline_shows_the_inner_part_first"),
+        Yes(UNREAL, "test_a_deadline_shows_the_inner_part_first"),
     ),
     "aims fetch ahead": (
         Yes(SDK_CORE, "test_an_aim_brings_ahead_what_a_landing_needs"),
@@ -120,25 +119,25 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
             f"{WEB}/client/server.test.ts", "an aim, and the landing there has nothing left to load"
         ),
         Yes(UNITY, "test_an_aim_brings_what_the_landing_needs"),
-        Yes(LAND, "test_an_aim_brings_what_the_landing_needs"),
+        Yes(UNREAL, "test_an_aim_brings_what_the_landing_needs"),
     ),
     "picks": (
         Yes(SDK_LAND, "test_picks_find_the_ground_whether_loaded_or_not"),
         Yes(f"{WEB}/session/corpus.test.ts", "the landings corpus"),
         Yes(UNITY, "test_picks_are_answered"),
-        Yes(LAND, "test_picks_are_answered"),
+        Yes(UNREAL, "test_picks_are_answered"),
     ),
     "cache bounded by bytes": (
         Yes(SDK_CORE, "test_nothing_that_was_named_leaves_memory_before_the_swap"),
         Yes(f"{WEB}/session/parts.test.ts", "evicts the least recently used that nothing needs"),
         Yes(UNITY, "test_memory_is_bounded"),
-        Yes(LAND, "test_the_cache_keeps_its_bound_and_says_what_it_let_go"),
+        Yes(UNREAL, "test_what_leaves_the_cache_is_sent_again"),
     ),
     "cache on disk": (
         Yes("tests/socket/test_sdk_disk.py", "test_a_second_run_reads_from_disk"),
         Yes("tests/browser/test_landings.py", "test_a_reload_loads_nothing_twice"),
         Yes(UNITY, "test_a_second_run_reads_from_disk"),
-        Yes("tests/engines/test_disk.py", "test_a_second_run_reads_from_disk"),
+        Yes(UNREAL, "test_a_second_run_reads_from_disk_and_damage_is_asked_for_again"),
     ),
     "disk: damaged, full, not to be written": (
         Yes("tests/sdk/test_disk.py", "test_a_disk_that_cannot_be_written_is_no_error"),
@@ -147,19 +146,19 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
             "a disk that cannot be used keeps nothing, and is no error",
         ),
         Yes(UNITY, "test_the_disk_is_bounded_and_need_not_be_there"),
-        Yes("tests/engines/test_disk.py", "test_a_folder_that_cannot_be_written_is_no_error"),
+        Yes(UNREAL, "test_the_disk_keeps_its_bound_and_one_that_cannot_be_written_is_no_error"),
     ),
     "a cut line is mended, nothing comes twice": (
         Yes("tests/socket/test_sdk_reconnect.py", "test_a_landing_survives_any_number_of_cuts"),
         Yes(f"{WEB}/client/server.test.ts", "a cut line is mended, no segment comes twice"),
         Yes(UNITY, "test_a_cut_connection_is_made_again_and_no_byte_comes_twice"),
-        Yes(FAULT, "test_a_cut_line_is_mended_and_no_segment_comes_twice"),
+        Yes(UNREAL, "test_a_cut_line_is_mended_and_no_segment_comes_twice"),
     ),
     "a service that is killed and comes back": (
         Yes("tests/socket/test_sdk_reconnect.py", "test_a_server_that_restarts_with_a_new_version"),
         Yes("tests/browser/test_faults.py", "test_the_server_is_killed_and_starts_again"),
         Yes(UNITY, "test_a_service_that_is_killed_and_comes_back"),
-        Yes(FAULT, "test_a_service_that_is_killed_and_comes_back"),
+        Yes(UNREAL, "test_a_service_that_is_killed_and_comes_back"),
     ),
     "a flipped bit is found, the segment sent again": (
         Yes(
@@ -168,31 +167,31 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         ),
         Yes(f"{WEB}/session/corpus.test.ts", "the landings corpus"),
         Yes(UNITY, "test_a_flipped_bit_is_found_and_the_segment_asked_for_again"),
-        Yes(FAULT, "test_a_flipped_byte_is_noticed_and_the_segment_asked_for_again"),
+        Yes(UNREAL, "test_a_flipped_byte_is_noticed_and_the_segment_asked_for_again"),
     ),
     "tokens; a refused one is not repeated": (
         Yes(SDK_LAND, "test_tokens"),
         Yes(f"{WEB}/client/server.test.ts", "a wrong one is told and not repeated"),
         Yes(UNITY, "test_a_token_opens_and_a_refused_one_is_not_repeated"),
-        Yes(LAND, "test_a_token_opens_a_wrong_one_is_told_once_and_a_right_one_mends_it"),
+        Yes(UNREAL, "test_a_token_opens_a_wrong_one_is_told_once_and_a_right_one_mends_it"),
     ),
     "tokens that a function renews": (
         Yes("tests/socket/test_sdk_tokens.py", "test_a_session_outlives_its_tokens"),
         Yes(f"{WEB}/client/link.test.ts", "a refused token that it has renewed is no end"),
         Yes(UNITY, "test_a_session_outlives_its_tokens"),
-        Yes("tests/engines/test_tokens.py", "test_a_session_outlives_its_tokens"),
+        Yes(UNREAL, "test_a_session_outlives_its_tokens"),
     ),
     "base hidden by the cover, swap at once": (
         Yes(SDK_LAND, "test_base_and_hidden_faces"),
         Yes("tests/browser/test_landings.py", "test_what_is_drawn_is_what_the_sdk_shows"),
         Yes(UNITY, "test_a_walk_shows_and_hides_what_the_python_sdk_does"),
-        Yes(LAND, "test_what_an_engine_would_draw_is_what_the_python_sdk_shows"),
+        Yes(UNREAL, "test_what_is_drawn_after_each_landing_is_what_the_sdk_shows"),
     ),
     "ground under feet and pointers, of what is shown": (
         No("ask a pick"),
         Yes("tests/browser/test_walk.py", "test_feet_stand_on_what_is_shown"),
         Yes(UNITY, "test_feet_stand_on_what_is_shown"),
-        Yes("tests/engines/test_walk.py", "test_feet_stand_on_what_is_shown"),
+        Yes(UNREAL, "test_feet_stand_on_what_is_shown"),
     ),
     "teleport in the dark of a fade": (
         No("no user"),
@@ -201,13 +200,13 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
             "test_a_teleport_swaps_and_moves_in_one_black_frame",
         ),
         Yes(LAYER, "test_the_unity_scene_lands_on_the_stubs"),
-        Yes(LAYER, "test_the_unreal_scene_lands_on_the_stubs"),
+        Yes(UNREAL, TOUR),
     ),
     "shown when asked for, in place of at once": (
         No("shows nothing"),
         Yes(f"{WEB}/xr-teleport.test.ts", "presentable"),
         Yes(LAYER, "test_the_unity_scene_lands_on_the_stubs"),
-        Yes(LAYER, "test_the_unreal_scene_lands_on_the_stubs"),
+        Yes(UNREAL, TOUR),
     ),
     "bounds by the kind of device": (
         No("bounds are the caller's"),
@@ -218,13 +217,13 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         No("no bodies"),
         No("no bodies"),
         Yes(LAYER, "test_the_unity_scene_lands_on_the_stubs"),
-        Yes(LAYER, "test_the_unreal_scene_lands_on_the_stubs"),
+        Yes(UNREAL, "test_feet_stand_on_what_is_shown"),
     ),
     "textures: decoded payload, image's bytes": (
         Yes("tests/socket/test_sdk_textures.py", "test_segments_arrive_with_their_images"),
         Yes("tests/browser/test_pictures.py", "test_ways_to_colour_the_ground"),
         Yes(UNITY, "test_images_colours_and_attributes_are_those_of_the_python_sdk"),
-        Yes(LAND, "test_textures_colours_and_attributes_are_those_of_the_python_sdk"),
+        Yes(UNREAL, "test_segments_are_those_of_the_sdk_array_for_array"),
     ),
     "segments that lack an attribute of the scene": (
         Yes(
@@ -233,13 +232,13 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         ),
         Yes(f"{WEB}/versions/missing-attribute.test.ts", "height_change_m in view"),
         Yes(UNITY_CORE, "test_the_whole_corpus_passes"),
-        Yes("tests/engines/test_corpora.py", "test_the_whole_corpus_passes"),
+        Yes(UNREAL_CORE, "test_payload"),
     ),
     "axes, winding and V of the engine": (
         No("stays in the scene frame"),
         No("stays in the scene frame"),
         Yes(UNITY_CORE, "test_unity_draws_what_the_python_sdk_draws"),
-        Yes("tests/engines/test_axes.py", "test_the_engine_draws_what_the_python_sdk_draws"),
+        Yes(UNREAL, "test_the_engine_draws_what_the_sdk_draws"),
     ),
     "decoding allocates nothing in the steady state": (
         No("new arrays each time"),
@@ -249,34 +248,31 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
             "test_decoding_allocates_nothing_that_grows_with_a_segment",
             short="but .NET's inflater: 5 kB a segment",
         ),
-        Yes("tests/engines/test_decoding.py", "test_nothing_is_allocated_in_the_steady_state"),
+        Yes(UNREAL_CORE, "test_decoding_is_fast_and_allocates_nothing_in_the_steady_state"),
     ),
     "places by name": (
         Yes("tests/sdk/test_places.py", "test_a_place_is_found_by_its_name_or_stable_id"),
         Yes(f"{WEB}/app-region-places.test.ts", "regionsToVisit"),
         Yes(UNITY_CORE, "test_places_and_pieces_are_those_of_the_python_sdk"),
-        Yes("client_sdk/unreal/tests/core/places_test.cpp", "named regions are places, by name"),
+        Yes(UNREAL, "test_places_and_pieces_are_those_of_the_sdk"),
     ),
     "coarser pieces that a pick is part of": (
         Yes("tests/sdk/test_places.py", "test_they_grow_from_cost_to_cost"),
         Yes(f"{WEB}/coarser-pieces.test.ts", "grows from cost to cost"),
         Yes(UNITY_CORE, "test_places_and_pieces_are_those_of_the_python_sdk"),
-        Yes(
-            "client_sdk/unreal/tests/core/places_test.cpp",
-            "what a region is part of grows from cost to cost",
-        ),
+        Yes(UNREAL, "test_places_and_pieces_are_those_of_the_sdk"),
     ),
     "an aim stops at your own things": (
         No("no user"),
         No("no things but the ground"),
         Yes(LAYER, "test_the_unity_scene_lands_on_the_stubs"),
-        Yes(LAYER, "test_the_unreal_scene_lands_on_the_stubs"),
+        Yes(UNREAL, TOUR),
     ),
     "preview in the editor": (
         No("no editor"),
         No("no editor"),
         Yes(LAYER, "test_the_unity_scene_lands_on_the_stubs", "on stubs of the engine's API"),
-        Yes(LAYER, "test_the_unreal_scene_lands_on_the_stubs", "on stubs of the engine's API"),
+        Yes(UNREAL, TOUR, "on stubs of the engine's API"),
     ),
     "a coarser level in a ring, where the scene has one": (
         Yes(
@@ -288,25 +284,25 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
             "test_a_landing_has_a_ring_and_the_base_gives_way_to_both",
         ),
         Yes(UNITY, "test_a_coarser_level_is_shown_in_a_ring"),
-        Yes("tests/engines/test_landings.py", "test_a_scene_of_two_levels_is_drawn_with_a_ring"),
+        Yes(UNREAL, "test_what_is_drawn_after_each_landing_is_what_the_sdk_shows"),
     ),
     "goes along with a group": (
         Yes("tests/socket/test_sdk_groups.py", "test_the_guide_lands_everybody"),
         Yes("tests/browser/test_groups.py", "test_who_guides_takes_the_others_along"),
         Yes(UNITY, "test_a_member_lands_where_the_guide_does"),
-        Yes(GROUPS, "test_who_follows_shows_what_the_guide_shows"),
+        Yes(UNREAL, "test_a_member_goes_where_the_guide_goes_if_it_follows"),
     ),
     "guides a group; who does not follow holds nobody up": (
         Yes("tests/socket/test_sdk_groups.py", "test_the_guide_lands_everybody"),
         Yes("tests/browser/test_groups.py", "test_who_guides_takes_the_others_along"),
         Yes(UNITY, "test_a_guide_takes_the_sdk_along"),
-        Yes(GROUPS, "test_who_guides_takes_the_sdk_along"),
+        Yes(UNREAL, "test_a_guide_takes_the_sdk_along_and_a_seat_outlives_a_cut_line"),
     ),
     "a group's components: seat, list of people, events": (
         No("no components"),
         Yes("tests/browser/test_groups.py", "test_who_guides_takes_the_others_along"),
         Yes(LAYER, "test_the_unity_scene_lands_on_the_stubs"),
-        Yes(LAYER, "test_the_unreal_scene_lands_on_the_stubs"),
+        Yes(UNREAL, TOUR),
     ),
     "drawn in a headset": (
         No("no renderer"),
@@ -316,7 +312,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
             "emulated",
         ),
         Yes(LAYER, "test_the_unity_scene_lands_on_the_stubs", "on stubs of the engine's API"),
-        Yes(LAYER, "test_the_unreal_scene_lands_on_the_stubs", "on stubs of the engine's API"),
+        Yes(UNREAL, TOUR, "on stubs of the engine's API"),
     ),
 }
 

@@ -5,7 +5,6 @@ Neither engine is run: a stub finds a wrong name or type, not a wrong picture.
 
 from __future__ import annotations
 
-import graphlib
 import importlib.util
 import json
 import re
@@ -17,7 +16,6 @@ from pathlib import Path
 import pytest
 from engines import cores
 from engines.conftest import skip_or_fail
-from engines.test_units import run_doctest
 from engines.unity import Unity
 from engines.unity_layers import UnityLayer, unity_layer
 from faults.service import Service
@@ -73,41 +71,6 @@ def test_the_unity_scene_follows_another_version(layer: UnityLayer, tmp_path: Pa
         assert visit.returncode == 0, output + rest
 
 
-def test_the_unreal_module_compiles_against_the_stubs() -> None:
-    reason = cores.missing_for("cpp")
-    if reason is not None:
-        skip_or_fail(f"the Unreal module cannot be compiled ({reason})")
-    cores.run_logged(["sh", str(UNREAL / "stubs" / "compile.sh")])
-
-
-def test_the_unreal_layer_passes_its_tests_on_the_stubs(cpp: cores.CppCore) -> None:
-    passed, failed, output = run_doctest(cpp.folder / "bin" / "terraport-engine-tests")
-    assert failed == 0, output[-6000:]
-    assert passed > 10
-
-
-@pytest.mark.parametrize(("scene", "radius_m", "ring_m"), [("grid", 25, 0), ("levels", 8, 24)])
-def test_the_unreal_scene_lands_on_the_stubs(
-    cpp: cores.CppCore, server: Service, scene: str, radius_m: int, ring_m: int
-) -> None:
-    """The actor and the user's component themselves, on a fake engine."""
-    done = subprocess.run(
-        [
-            str(cpp.folder / "bin" / "terraport-scene-on-stubs"),
-            f"{server.url}/scenes/{scene}",
-            str(radius_m),
-        ],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        timeout=180,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout[-4000:]
-    told = json.loads(done.stdout.strip().splitlines()[-1])
-    assert (told["ring_m"], told["ring_off_m"]) == (ring_m, 0)
-
-
 def test_the_shaders_of_unity_compile() -> None:
     if shutil.which("glslangValidator") is None:
         skip_or_fail("the shaders cannot be compiled (apt-get install glslang-tools)")
@@ -158,44 +121,6 @@ def test_the_unity_core_knows_no_engine_and_needs_no_reflection() -> None:
         code = re.sub(r"//.*", "", path.read_text())
         for word in ("UnityEngine", "System.Reflection", "dynamic ", "Activator."):
             assert word not in code, f"{path.name} has {word}"
-
-
-def test_the_unreal_plugin_names_what_is_there() -> None:
-    plugin = json.loads((UNREAL / "Terraport.uplugin").read_text())
-    for module in plugin["Modules"]:
-        name = module["Name"]
-        rules = (UNREAL / "Source" / name / f"{name}.Build.cs").read_text()
-        assert f"class {name}" in rules
-        sources = "".join(p.read_text() for p in (UNREAL / "Source" / name).rglob("*.cpp"))
-        assert re.search(rf"IMPLEMENT_(GAME_)?MODULE\(.*\b{name}\b", sources), name
-
-
-def test_the_unreal_core_knows_no_engine_and_throws_nothing() -> None:
-    core = UNREAL / "Source" / "TerraportCore"
-    for path in [*core.rglob("*.h"), *core.rglob("*.cpp")]:
-        if path.name.endswith("Module.cpp") or path.name == "Api.h":
-            continue  # the module's one file for the engine, and the one macro at its border
-        code = re.sub(r"//.*", "", path.read_text())
-        for word in (r"\bthrow\b", r"\bcatch\b", r"\bdynamic_cast\b", r"\bFString\b", r"\babort\("):
-            assert not re.search(word, code), f"{path.name} has {word}"
-        for include in re.findall(r'#include "([^"]+)"', code):
-            near = (path.parent / include, core / "Public" / include, core / "Private" / include)
-            assert any(candidate.is_file() for candidate in near), f"{path.name} includes {include}"
-
-
-@pytest.mark.parametrize("module", ["TerraportCore", "Terraport"])
-def test_an_unreal_module_includes_in_no_circle(module: str) -> None:
-    """A unit is a header with its source, and with its own Impl."""
-    source = UNREAL / "Source" / module
-    units: dict[str, set[str]] = {}
-    for path in [*source.rglob("*.h"), *source.rglob("*.cpp")]:
-        included = re.findall(r'#include "([^"]+)\.h"', path.read_text())
-        unit = path.stem.removesuffix("Impl")
-        names = {name.rpartition("/")[2].removesuffix("Impl") for name in included}
-        units.setdefault(unit, set()).update(names - {unit})
-    assert len(units) > 20
-    order = graphlib.TopologicalSorter(units)
-    order.prepare()  # raises CycleError, which names the circle
 
 
 def test_files_stay_readable() -> None:

@@ -14,7 +14,7 @@ from conformance.generate import CORPUS
 from conformance.wire_samples import readable_value
 from referencing import Registry, Resource
 
-from terraport_wire import Direction, limits, schema
+from terraport_wire import Direction, schema
 from terraport_wire.message import fields_of
 from terraport_wire.messages import MESSAGES, PARTS
 from terraport_wire.tables import HeldTable, Ids, LoadTable
@@ -22,7 +22,6 @@ from terraport_wire.tables import HeldTable, Ids, LoadTable
 ROOT = Path(__file__).resolve().parents[2]
 SPEC = ROOT / "spec"
 TYPESCRIPT = ROOT / "client_sdk/web/src/core/wire/messages.generated.ts"
-CPP = ROOT / "client_sdk/unreal/Source/TerraportCore/Private"
 
 # Relations between fields, and ids once per table: the specification says them, JSON Schema cannot.
 _BEYOND_SCHEMA = frozenset(
@@ -76,7 +75,7 @@ def validators() -> dict[str, Any]:
 
 
 def test_the_committed_files_are_what_the_script_writes() -> None:
-    languages = ["--typescript", str(TYPESCRIPT), "--cpp", str(CPP)]
+    languages = ["--typescript", str(TYPESCRIPT)]
     assert schema.main([str(SPEC), *languages, "--check"]) == 0
     on_disk = {path.name for path in (SPEC / "schema").iterdir()}
     assert on_disk == set(schema.schema_files())
@@ -99,36 +98,6 @@ def test_check_reports_stale_typescript(tmp_path: Path, capsys: pytest.CaptureFi
     assert "messages.generated.ts is not what" in capsys.readouterr().err
     assert schema.main(arguments) == 0
     assert stale.read_text() == TYPESCRIPT.read_text()
-
-
-def test_check_reports_stale_cpp(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = [str(SPEC), "--cpp", str(tmp_path)]
-    assert schema.main(arguments) == 0
-    for name in ("Messages.generated.h", "MessageFields.generated.h"):
-        stale = tmp_path / name
-        stale.write_text((CPP / name).read_text().replace("radiusM", "radius"))
-        assert schema.main([*arguments, "--check"]) == 1
-        assert f"{name} is not what" in capsys.readouterr().err
-        assert schema.main(arguments) == 0
-        assert stale.read_text() == (CPP / name).read_text()
-
-
-def test_the_cpp_names_every_message_and_field() -> None:
-    structs = (CPP / "Messages.generated.h").read_text()
-    text = (CPP / "MessageFields.generated.h").read_text()
-    for messages in MESSAGES.values():
-        for name, message in messages.items():
-            assert f"struct {message.__name__}Message {{" in structs
-            start = text.index(f"struct FieldsOf<{message.__name__}Message> {{")
-            body = text[start : text.index("\n};", start)]
-            assert f'kType = "{name}";' in body
-            assert body.count("visitor.field(") == len(fields_of(message))
-            for field in fields_of(message):
-                assert f'visitor.field("{field.name}", ' in body
-    for limit in limits.__all__:
-        value = getattr(limits, limit)
-        name = "".join(word.capitalize() for word in limit.split("_"))
-        assert f" k{name} = {value!r};" in structs
 
 
 def test_the_typescript_names_every_message_field_and_rule() -> None:

@@ -2,9 +2,8 @@
 
 ``python -m terraport_wire.schema SPEC_DIR`` writes ``SPEC_DIR/schema/*.json`` and the tables
 between the ``generated`` marks of ``SPEC_DIR/wire-protocol.md``; with ``--typescript FILE`` also
-the viewer's tables (`terraport_wire.typescript`), with ``--cpp FOLDER`` the Unreal client's
-(`terraport_wire.cpp`); ``--check`` only compares.  The functions are pure; `main` alone
-touches files.
+the viewer's tables (`terraport_wire.typescript`); ``--check`` only compares.  The functions are
+pure; `main` alone touches files.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from .cpp import cpp_files
 from .errors import CLOSE_CODES, HTTP_STATUS
 from .message import Direction, Message, Part, fields_of, part_schema
 from .messages import MESSAGES, PARTS
@@ -32,11 +30,6 @@ _Files = dict[Path, str]
 # What else is generated where a path is given for it: flag, what the path is, meaning, the files.
 _LANGUAGES: dict[str, tuple[str, str, Callable[[Path], _Files]]] = {
     "typescript": ("FILE", "the viewer's tables", lambda path: {path: messages_module()}),
-    "cpp": (
-        "FOLDER",
-        "the Unreal client's messages",
-        lambda folder: {folder / name: text for name, text in cpp_files().items()},
-    ),
 }
 _MARK = re.compile(r"(<!-- generated: (\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
 

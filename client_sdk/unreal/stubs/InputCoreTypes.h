@@ -2,11 +2,8 @@
 
 #include "CoreMinimal.h"
 
-struct FKey
-{
-};
+struct FKey {};
 
-struct EKeys
-{
-	static inline const FKey LeftMouseButton, RightMouseButton, MouseX, MouseY, Q, E;
+struct EKeys {
+  static inline const FKey LeftMouseButton, RightMouseButton, MouseX, MouseY, Q, E;
 };

@@ -1,6 +1,3 @@
 #pragma once
 
-enum EMaterialDomain : int
-{
-	MD_Surface
-};
+enum EMaterialDomain : int { MD_Surface };

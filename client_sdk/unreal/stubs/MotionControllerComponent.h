@@ -2,10 +2,9 @@
 
 #include "Components/PrimitiveComponent.h"
 
-class UMotionControllerComponent : public UPrimitiveComponent
-{
-public:
-	using Super = UMotionControllerComponent;
-	void SetTrackingMotionSource(const FName) {}
-	bool IsTracked() const { return false; }
+class UMotionControllerComponent : public UPrimitiveComponent {
+ public:
+  using Super = UMotionControllerComponent;
+  void SetTrackingMotionSource(const FName) {}
+  bool IsTracked() const { return false; }
 };

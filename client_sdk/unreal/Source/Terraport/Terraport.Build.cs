@@ -1,17 +1,16 @@
 using UnrealBuildTool;
 
-/// <summary>The engine's side: actor, component, Blueprint nodes, WebSocket, HTTP, meshes, textures.</summary>
+/// <summary>The scene's actor and components; below them, in Private/Core, protocol, decoder and stage in plain C++17.</summary>
 public class Terraport : ModuleRules
 {
     public Terraport(ReadOnlyTargetRules Target) : base(Target)
     {
-        PCHUsage = PCHUsageMode.UseExplicitOrSharedPCHs;
+        // The core must not see the engine's macros, and names in anonymous namespaces would meet in merged files.
+        PCHUsage = PCHUsageMode.NoPCHs;
         bUseUnity = false;
         bEnableExceptions = false;
-        PublicDependencyModuleNames.AddRange(new[] { "Core", "CoreUObject", "Engine", "TerraportCore" });
+        PublicDependencyModuleNames.AddRange(new[] { "Core", "CoreUObject", "Engine" });
         PrivateDependencyModuleNames.AddRange(new[] {
-            "GeometryCore",
-            "GeometryFramework",
             "HTTP",
             "ImageCore",
             "ImageWrapper",
@@ -20,5 +19,6 @@ public class Terraport : ModuleRules
             "RenderCore",
             "WebSockets",
         });
+        AddEngineThirdPartyPrivateStaticDependencies(Target, "zlib");
     }
 }

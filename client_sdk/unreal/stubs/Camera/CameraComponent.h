@@ -2,9 +2,8 @@
 
 #include "Components/SceneComponent.h"
 
-class UCameraComponent : public USceneComponent
-{
-public:
-	using Super = UCameraComponent;
-	bool bUsePawnControlRotation = false;
+class UCameraComponent : public USceneComponent {
+ public:
+  using Super = UCameraComponent;
+  bool bUsePawnControlRotation = false;
 };

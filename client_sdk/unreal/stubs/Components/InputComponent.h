@@ -4,22 +4,13 @@
 
 struct FKey;
 
-enum EInputEvent
-{
-	IE_Pressed,
-	IE_Released
-};
+enum EInputEvent { IE_Pressed, IE_Released };
 
-class UInputComponent : public UActorComponent
-{
-public:
-	using Super = UInputComponent;
-	template <typename T>
-	void BindKey(const FKey&, EInputEvent, T*, void (T::*)())
-	{
-	}
-	template <typename T, typename Method>
-	void BindAxisKey(const FKey&, T*, Method)
-	{
-	}
+class UInputComponent : public UActorComponent {
+ public:
+  using Super = UInputComponent;
+  template <typename T>
+  void BindKey(const FKey&, EInputEvent, T*, void (T::*)()) {}
+  template <typename T, typename Method>
+  void BindAxisKey(const FKey&, T*, Method) {}
 };

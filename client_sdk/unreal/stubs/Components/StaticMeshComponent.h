@@ -4,9 +4,8 @@
 
 class UStaticMesh;
 
-class UStaticMeshComponent : public UMeshComponent
-{
-public:
-	using Super = UStaticMeshComponent;
-	virtual bool SetStaticMesh(UStaticMesh*) { return true; }
+class UStaticMeshComponent : public UMeshComponent {
+ public:
+  using Super = UStaticMeshComponent;
+  virtual bool SetStaticMesh(UStaticMesh*) { return true; }
 };

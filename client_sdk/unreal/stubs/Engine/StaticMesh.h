@@ -2,6 +2,4 @@
 
 #include "CoreMinimal.h"
 
-class UStaticMesh : public UObject
-{
-};
+class UStaticMesh : public UObject {};

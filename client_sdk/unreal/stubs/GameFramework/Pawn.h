@@ -4,12 +4,11 @@
 
 class UInputComponent;
 
-class APawn : public AActor
-{
-public:
-	using Super = APawn;
-	TObjectPtr<AController> Controller;
-	virtual void SetupPlayerInputComponent(UInputComponent*) {}
-	virtual void AddControllerYawInput(float) {}
-	virtual void AddControllerPitchInput(float) {}
+class APawn : public AActor {
+ public:
+  using Super = APawn;
+  TObjectPtr<AController> Controller;
+  virtual void SetupPlayerInputComponent(UInputComponent*) {}
+  virtual void AddControllerYawInput(float) {}
+  virtual void AddControllerPitchInput(float) {}
 };

@@ -4,9 +4,8 @@
 
 class APlayerCameraManager;
 
-class APlayerController : public AController
-{
-public:
-	using Super = APlayerController;
-	TObjectPtr<APlayerCameraManager> PlayerCameraManager;
+class APlayerController : public AController {
+ public:
+  using Super = APlayerController;
+  TObjectPtr<APlayerCameraManager> PlayerCameraManager;
 };

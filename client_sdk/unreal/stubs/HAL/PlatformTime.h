@@ -4,10 +4,6 @@
 
 #include <chrono>
 
-struct FPlatformTime
-{
-	static double Seconds()
-	{
-		return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-	}
+struct FPlatformTime {
+  static double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 };

@@ -4,8 +4,7 @@
 
 class FMaterialRenderProxy;
 
-class UMaterialInterface : public UObject
-{
-public:
-	virtual FMaterialRenderProxy* GetRenderProxy() const { return nullptr; }
+class UMaterialInterface : public UObject {
+ public:
+  virtual FMaterialRenderProxy* GetRenderProxy() const { return nullptr; }
 };

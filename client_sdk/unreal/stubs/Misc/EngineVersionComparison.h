@@ -1,6 +1,6 @@
 #pragma once
 
-// The version that the stubs stand for; -DSTUB_ENGINE_MINOR=2 compiles the branches for older engines.
+// The version that the stubs stand for; -DSTUB_ENGINE_MINOR=4 compiles the branches for older engines.
 #ifndef STUB_ENGINE_MINOR
 #define STUB_ENGINE_MINOR 8
 #endif

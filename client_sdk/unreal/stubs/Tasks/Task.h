@@ -4,18 +4,12 @@
 
 #include <thread>
 
-namespace UE::Tasks
-{
-enum class ETaskPriority : int8
-{
-	Normal,
-	BackgroundNormal
-};
+namespace UE::Tasks {
+enum class ETaskPriority : int8 { Normal, BackgroundNormal };
 
 /// A thread that nobody waits for, as a launched task.
 template <typename Body>
-void Launch(const TCHAR*, Body&& Work, ETaskPriority = ETaskPriority::Normal)
-{
-	std::thread(std::forward<Body>(Work)).detach();
+void Launch(const TCHAR*, Body&& Work, ETaskPriority = ETaskPriority::Normal) {
+  std::thread(std::forward<Body>(Work)).detach();
 }
 } // namespace UE::Tasks

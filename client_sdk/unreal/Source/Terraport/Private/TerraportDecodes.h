@@ -2,28 +2,27 @@
 
 #include "CoreMinimal.h"
 
-#include "Terraport/DecodeQueue.h"
-#include "TerraportMeshBackend.h"
+#include "Core/Stage.h"
 #include "TerraportSettings.h"
 
+#include <memory>
+
 /**
- * Decodes payloads on the engine's task threads, turns axes there, and makes of the mesh what the backend takes: the game
- * thread is left with making components. At most `MaxTasks` at a time.
+ * Decodes on the engine's task threads, and makes there what the graphics take: the game thread is left with components. At
+ * most `MaxTasks` at a time.
  */
-class FTerraportDecodes final : public terraport::DecodeQueue
+class FTerraportDecodes final : public terraport::Decoder
 {
 public:
-	/** `Backend` is kept alive by whatever still decodes. */
-	FTerraportDecodes(
-		TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend, ETerraportVertexColours Colours, int32 MaxTasks);
+	/** `Disk` is kept by whatever still decodes. */
+	FTerraportDecodes(std::shared_ptr<terraport::DiskCache> Disk, ETerraportVertexColours Colours, int32 MaxTasks);
 	/** Does not wait: what is being decoded ends by itself, and is thrown away. */
 	virtual ~FTerraportDecodes() override;
 	FTerraportDecodes(const FTerraportDecodes&) = delete;
 	FTerraportDecodes& operator=(const FTerraportDecodes&) = delete;
 
 	virtual void push(terraport::DecodeJob Job) override;
-	virtual bool tryPop(terraport::DecodedSegment& Out) override;
-	virtual void release(std::unique_ptr<terraport::SegmentMesh> Mesh) override;
+	virtual bool tryPop(terraport::DecodeResult& Result) override;
 
 private:
 	struct FShared;

@@ -2,7 +2,7 @@
 
 #include "CoreMinimal.h"
 
-#include "Terraport/ShownGround.h"
+#include "Core/Ground.h"
 #include "TerraportKeeper.h"
 
 #include <vector>

@@ -105,13 +105,8 @@ private:
 		GetScene().GetPrimitiveUniformShaderParameters_RenderThread(GetPrimitiveSceneInfo(), bHasPrecomputedVolumetricLightmap,
 			PreviousLocalToWorld, SingleCaptureIndex, bOutputVelocity);
 		FDynamicPrimitiveUniformBuffer& Uniforms = Collector.AllocateOneFrameResource<FDynamicPrimitiveUniformBuffer>();
-#if UE_VERSION_OLDER_THAN(5, 4, 0)
-		Uniforms.Set(GetLocalToWorld(), PreviousLocalToWorld, GetBounds(), GetLocalBounds(), ReceivesDecals(),
-			bHasPrecomputedVolumetricLightmap, bOutputVelocity);
-#else
 		Uniforms.Set(Collector.GetRHICommandList(), GetLocalToWorld(), PreviousLocalToWorld, GetBounds(), GetLocalBounds(),
 			ReceivesDecals(), bHasPrecomputedVolumetricLightmap, bOutputVelocity);
-#endif
 		return Uniforms;
 	}
 

@@ -1,7 +1,7 @@
 #include "TerraportGroundPiece.h"
 
-#include "Misc/EngineVersionComparison.h"
 #include "StaticMeshResources.h"
+#include "TerraportMeshPart.h"
 
 FTerraportGroundPiece::FTerraportGroundPiece(const FTerraportMeshPart& Part)
 	: Bounds(FVector(Part.Bounds.Min), FVector(Part.Bounds.Max)), NumVertices(Part.Positions.Num()),
@@ -39,34 +39,18 @@ FTerraportGroundPiece::FTerraportGroundPiece(const FTerraportMeshPart& Part)
 void FTerraportGroundPiece::Init(FRHICommandListBase& RHICmdList, ERHIFeatureLevel::Type FeatureLevel)
 {
 	VertexFactory = MakeUnique<FLocalVertexFactory>(FeatureLevel, "FTerraportGroundPiece");
-#if UE_VERSION_OLDER_THAN(5, 3, 0)
-	Positions.InitResource();
-	Tangents.InitResource();
-	Colours.InitResource();
-	Indices.InitResource();
-#else
 	Positions.InitResource(RHICmdList);
 	Tangents.InitResource(RHICmdList);
 	Colours.InitResource(RHICmdList);
 	Indices.InitResource(RHICmdList);
-#endif
 	FLocalVertexFactory::FDataType Data;
 	Positions.BindPositionVertexBuffer(VertexFactory.Get(), Data);
 	Tangents.BindTangentVertexBuffer(VertexFactory.Get(), Data);
 	Tangents.BindPackedTexCoordVertexBuffer(VertexFactory.Get(), Data);
 	Tangents.BindLightMapVertexBuffer(VertexFactory.Get(), Data, 0);
 	Colours.BindColorVertexBuffer(VertexFactory.Get(), Data);
-#if UE_VERSION_OLDER_THAN(5, 4, 0)
-	VertexFactory->SetData(Data);
-#else
 	VertexFactory->SetData(RHICmdList, Data);
-#endif
-#if UE_VERSION_OLDER_THAN(5, 3, 0)
-	(void)RHICmdList;
-	VertexFactory->InitResource();
-#else
 	VertexFactory->InitResource(RHICmdList);
-#endif
 }
 
 void FTerraportGroundPiece::Release()

@@ -7,9 +7,9 @@
 #include "Rendering/ColorVertexBuffer.h"
 #include "Rendering/PositionVertexBuffer.h"
 #include "Rendering/StaticMeshVertexBuffer.h"
-#include "TerraportMeshBackend.h"
 
 class FRHICommandListBase;
+struct FTerraportMeshPart;
 class UMaterialInterface;
 
 /**

@@ -3,7 +3,6 @@
 #include "HttpModule.h"
 #include "Interfaces/IHttpRequest.h"
 #include "Interfaces/IHttpResponse.h"
-#include "Misc/EngineVersionComparison.h"
 #include "TerraportText.h"
 
 #include <algorithm>
@@ -75,13 +74,8 @@ std::uint64_t FTerraportHttp::get(const std::string& Url, const std::string& Bea
 	}
 	Request->OnProcessRequestComplete().BindLambda(
 		[Exchange](FHttpRequestPtr, FHttpResponsePtr Response, bool bConnected) { Exchange->Finish(Response, bConnected); });
-#if UE_VERSION_OLDER_THAN(5, 4, 0)
-	Request->OnRequestProgress().BindLambda(
-		[Exchange](FHttpRequestPtr, int32, int32 Received) { Exchange->Note(std::uint64_t(std::max(Received, 0))); });
-#else
 	Request->OnRequestProgress64().BindLambda(
 		[Exchange](FHttpRequestPtr, uint64, uint64 Received) { Exchange->Note(Received); });
-#endif
 	++Last;
 	Requests[Last] = Exchange;
 	if (!Request->ProcessRequest())
@@ -103,12 +97,6 @@ bool FTerraportHttp::poll(std::uint64_t Request, terraport::HttpAnswer& Answer)
 	Entry->second->Request.Reset();
 	Requests.erase(Entry);
 	return true;
-}
-
-std::uint64_t FTerraportHttp::receivedBytes(std::uint64_t Request) const
-{
-	const auto Entry = Requests.find(Request);
-	return Entry == Requests.end() ? 0 : Entry->second->Received;
 }
 
 void FTerraportHttp::cancel(std::uint64_t Request)

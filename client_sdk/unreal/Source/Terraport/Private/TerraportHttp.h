@@ -2,7 +2,7 @@
 
 #include "CoreMinimal.h"
 
-#include "Terraport/Http.h"
+#include "Core/Http.h"
 
 #include <cstdint>
 #include <map>
@@ -11,7 +11,7 @@
 /**
  * The core's HTTP on the engine's module. Game thread: the module calls back there.
  *
- * The engine follows redirects by itself and cannot be told not to; whatever comes is compared with the manifest's hashes.
+ * The engine follows redirects by itself and cannot be told not to: give addresses that need none.
  */
 class FTerraportHttp final : public terraport::Http
 {
@@ -24,7 +24,6 @@ public:
 
 	virtual std::uint64_t get(const std::string& Url, const std::string& BearerToken, std::size_t MaxBytes) override;
 	virtual bool poll(std::uint64_t Request, terraport::HttpAnswer& Answer) override;
-	virtual std::uint64_t receivedBytes(std::uint64_t Request) const override;
 	virtual void cancel(std::uint64_t Request) override;
 
 private:

@@ -1,145 +1,123 @@
 #include "TerraportRenderer.h"
 
-#include "Components/PrimitiveComponent.h"
 #include "Engine/Texture2D.h"
 #include "GameFramework/Actor.h"
 #include "HAL/PlatformTime.h"
 #include "Materials/MaterialInstanceDynamic.h"
 #include "Materials/MaterialInterface.h"
+#include "TerraportAxes.h"
+#include "TerraportGroundComponent.h"
 
 #include <algorithm>
 #include <utility>
 
-FTerraportRenderer::FTerraportRenderer(AActor& InOwner, ITerraportKeeper& InKeeper,
-	TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> InBackend, const FTerraportMaterials& InMaterials,
-	const FTerraportMeshSettings& InSettings)
-	: Owner(InOwner), Keeper(InKeeper), Backend(InBackend), Materials(InMaterials), Settings(InSettings)
+namespace
 {
+/** Longest side of what one component draws, beyond which the engine's own culling of it (by occlusion, by the boxes of lights)
+ * would find it everywhere: a landing of 60 m is two of them across. A larger piece has a component of its own. */
+constexpr double MaxSideCm = 6400.0;
+
+double LongestSide(const FBox& Box)
+{
+	const FVector Side = Box.Max - Box.Min;
+	return std::max(Side.X, std::max(Side.Y, Side.Z));
+}
+
+std::vector<bool> HiddenOf(const FTerraportBase::FBlock& Block, const terraport::FaceBits& Faces)
+{
+	std::vector<bool> Hidden(Block.Faces.size());
+	for (std::size_t At = 0; At < Hidden.size(); ++At)
+	{
+		const uint32 Face = Block.Faces[At];
+		Hidden[At] = Face / 8 < Faces.size() && ((Faces[Face / 8] >> (Face % 8)) & 1) != 0;
+	}
+	return Hidden;
+}
+} // namespace
+
+FTerraportRenderer::FTerraportRenderer(
+	AActor& InOwner, ITerraportKeeper& InKeeper, const FTerraportMaterials& InMaterials, bool bInCastShadow)
+	: Owner(InOwner), Keeper(InKeeper), Materials(InMaterials), bCastShadow(bInCastShadow)
+{
+	// The actor's properties may name others while this draws with these.
+	for (UMaterialInterface* Material : {Materials.Colour, Materials.Texture, Materials.BaseColour, Materials.BaseTexture})
+	{
+		Keeper.Keep(Material);
+	}
 }
 
 FTerraportRenderer::~FTerraportRenderer()
 {
 	for (auto& Entry : Segments)
 	{
-		Destroy(Entry.second);
+		Discard(Entry.second);
 	}
-	for (FBlock& Block : Blocks)
-	{
-		Destroy(Block.Front);
-		Destroy(Block.Back);
-	}
-	for (FDrawable& Drawable : Leaving)
-	{
-		Destroy(Drawable);
-	}
+	Discard(Drawn);
+	Discard(Next);
 	for (FDrawable& Drawable : ToDestroy)
 	{
 		Destroy(Drawable);
 	}
-	if (BaseTexture != nullptr)
+	for (UMaterialInterface* Material : {Materials.Colour, Materials.Texture, Materials.BaseColour, Materials.BaseTexture})
 	{
-		ReleaseTexture(BaseTexture);
-	}
-	if (BaseMaterial != nullptr)
-	{
-		Keeper.Release(BaseMaterial);
+		Keeper.Release(Material);
 	}
 }
 
-terraport::ImageType FTerraportRenderer::TakeUnread()
+bool FTerraportRenderer::TakeUnread()
 {
-	const terraport::ImageType Last = Unread;
-	Unread = terraport::ImageType::None;
-	return Last;
+	return std::exchange(bUnread, false);
 }
 
-void FTerraportRenderer::SetBase(TSharedRef<FTerraportBase, ESPMode::ThreadSafe> InBase)
+void FTerraportRenderer::FreeSome(double EndS)
 {
-	Base = InBase;
-	if (InBase->Unread != terraport::ImageType::None)
+	while (!ToDestroy.empty())
 	{
-		Unread = InBase->Unread;
-	}
-}
-
-void FTerraportRenderer::Step(double EndS)
-{
-	bool bFirst = true;
-	while (bFirst || FPlatformTime::Seconds() < EndS)
-	{
-		bFirst = false;
-		if (Base.IsValid() && NextBlock < Blocks.size())
-		{
-			FBlock& Block = Blocks[NextBlock];
-			if (!Block.bHasFront)
-			{
-				MakeBlock(NextBlock, nullptr, Block.Front);
-				Block.bHasFront = true;
-			}
-			++NextBlock;
-			if (NextBlock == Blocks.size())
-			{
-				ShowBase();
-			}
-		}
-		else if (!ToDestroy.empty())
-		{
-			Destroy(ToDestroy.back());
-			ToDestroy.pop_back();
-		}
-		else
+		Destroy(ToDestroy.back());
+		ToDestroy.pop_back();
+		if (FPlatformTime::Seconds() >= EndS)
 		{
 			return;
 		}
 	}
 }
 
-terraport::UploadState FTerraportRenderer::upload(
-	std::uint32_t Segment, const terraport::SegmentMesh& Mesh, terraport::ByteSpan)
+// ---- segments
+
+terraport::Renderer::UploadState FTerraportRenderer::upload(terraport::Key Key, terraport::PreparedSegment& Prepared)
 {
-	FTerraportSegmentData* Data = static_cast<FTerraportSegmentData*>(Mesh.engineData.get());
-	if (Data == nullptr || !Data->Prepared.IsValid())
+	FTerraportPreparedSegment& Segment = static_cast<FTerraportPreparedSegment&>(Prepared);
+	bUnread = bUnread || Segment.bUnread;
+	FDrawable& Drawable = Segments[Key];
+	if (!Segment.Pixels.IsEmpty())
 	{
-		return terraport::UploadState::Failed;
-	}
-	if (Data->Unread != terraport::ImageType::None)
-	{
-		Unread = Data->Unread;
-	}
-	FDrawable& Drawable = Segments[Segment];
-	if (!Data->Pixels.IsEmpty())
-	{
-		// A slice of its own: copying a megapixel with its mips takes about as long as a mesh.
-		Drawable.Texture = TerraportTexture::MakeTexture(Data->Pixels);
-		Data->Pixels = FTerraportPixels();
+		// A step of its own: copying a megapixel with its mips takes about as long as a mesh.
+		Drawable.Texture = TerraportTexture::MakeTexture(Segment.Pixels);
+		Segment.Pixels = FTerraportPixels();
 		if (Drawable.Texture != nullptr)
 		{
 			Keeper.Keep(Drawable.Texture);
-			return terraport::UploadState::More;
+			return UploadState::More;
 		}
 	}
-	UMaterialInterface* Material =
-		Drawable.Texture != nullptr ? Textured(Materials.Texture, Drawable.Texture) : Materials.Colour;
-	const bool bCreated = Make(Drawable, *Data->Prepared, Material);
-	Data->Prepared.Reset();
-	if (!bCreated)
+	UMaterialInterface* Material = Materials.Colour;
+	if (Drawable.Texture != nullptr)
 	{
-		Destroy(Drawable);
-		Segments.erase(Segment);
-		return terraport::UploadState::Failed;
+		Material = Instance(Materials.Texture, Drawable.Texture);
 	}
-	return terraport::UploadState::Done;
+	Make(Drawable, Segment.Piece.ToSharedRef(), Material);
+	return UploadState::Done;
 }
 
-bool FTerraportRenderer::isDrawable(std::uint32_t Segment)
+bool FTerraportRenderer::isDrawable(terraport::Key Key)
 {
-	const auto Entry = Segments.find(Segment);
+	const auto Entry = Segments.find(Key);
 	return Entry != Segments.end() && Entry->second.CreatedInFrame < GFrameCounter;
 }
 
-void FTerraportRenderer::free(std::uint32_t Segment)
+void FTerraportRenderer::free(terraport::Key Key)
 {
-	const auto Entry = Segments.find(Segment);
+	const auto Entry = Segments.find(Key);
 	if (Entry != Segments.end())
 	{
 		Discard(Entry->second);
@@ -147,68 +125,198 @@ void FTerraportRenderer::free(std::uint32_t Segment)
 	}
 }
 
-std::size_t FTerraportRenderer::gpuBytesOf(const terraport::SegmentMesh& Mesh) const
+void FTerraportRenderer::swap(const terraport::Swap& Change)
 {
-	return std::size_t(Backend->BytesOf(int32(Mesh.vertexCount), int32(Mesh.indices.size()))) + Mesh.image.gpuBytes();
-}
-
-void FTerraportRenderer::swap(const terraport::SceneSwap& Change)
-{
-	for (const std::uint32_t Segment : Change.hidden)
-	{
-		const auto Entry = Segments.find(Segment);
-		if (Entry != Segments.end())
+	const auto ShowAll = [this](const std::vector<terraport::Key>& Keys, bool bShown) {
+		for (const terraport::Key Key : Keys)
 		{
-			Show(Entry->second, false);
+			const auto Entry = Segments.find(Key);
+			if (Entry != Segments.end())
+			{
+				Show(Entry->second, bShown);
+			}
 		}
-	}
-	for (const std::uint32_t Segment : Change.shown)
+	};
+	ShowAll(Change.hidden, false);
+	ShowAll(Change.shown, true);
+	for (FBlock& Block : Drawn.Blocks)
 	{
-		const auto Entry = Segments.find(Segment);
-		if (Entry != Segments.end())
+		if (Block.bHasBack)
 		{
-			Show(Entry->second, true);
+			Show(Block.Back, true);
+			Discard(Block.Front);
+			Block.Front = std::exchange(Block.Back, FDrawable());
+			Block.FrontHidden = std::move(Block.BackHidden);
+			Block.bHasBack = false;
 		}
-	}
-	for (const terraport::FaceRange& Range : Change.baseBlocks)
-	{
-		const uint32 Index = Base.IsValid() && Base->BlockFaces > 0 ? Range.first / Base->BlockFaces : 0;
-		if (Index >= Blocks.size() || !Blocks[Index].bHasBack)
-		{
-			continue;
-		}
-		FBlock& Block = Blocks[Index];
-		Show(Block.Back, true);
-		Discard(Block.Front);
-		Block.Front = MoveTemp(Block.Back);
-		Block.Back = FDrawable();
-		Block.bHasBack = false;
-		Block.bHasFront = true;
 	}
 }
 
-bool FTerraportRenderer::Make(FDrawable& Drawable, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material)
+// ---- base
+
+void FTerraportRenderer::BeginBase(TSharedRef<FTerraportBase, ESPMode::ThreadSafe> Base)
 {
-	Drawable.Piece = Backend->Create(Owner, Prepared, Material, Settings);
-	Drawable.CreatedInFrame = GFrameCounter;
-	if (Drawable.Piece.Component == nullptr)
+	Discard(Next);
+	Next.Base = Base;
+	bUnread = bUnread || Base->bUnread;
+	MakeBaseMaterial(Next);
+}
+
+bool FTerraportRenderer::stepNewBase()
+{
+	if (!Next.Base.IsValid() || Next.Blocks.size() == Next.Base->Blocks.size())
 	{
 		return false;
 	}
-	if (++PieceCounts[Drawable.Piece.Component] == 1)
-	{
-		Keeper.Keep(Drawable.Piece.Component);
-	}
+	const std::size_t At = Next.Blocks.size();
+	Next.Blocks.emplace_back();
+	FBlock& Block = Next.Blocks.back();
+	Block.FrontHidden.resize(Next.Base->Blocks[At].Faces.size());
+	MakeBlock(Next, At, Block.FrontHidden, Block.Front);
 	return true;
+}
+
+void FTerraportRenderer::showBase()
+{
+	for (FBlock& Block : Next.Blocks)
+	{
+		Show(Block.Front, true);
+	}
+	Discard(Drawn);
+	Drawn = std::exchange(Next, FBaseDrawn());
+}
+
+bool FTerraportRenderer::stepBase(const terraport::FaceBits& HiddenFaces)
+{
+	for (std::size_t At = 0; At < Drawn.Blocks.size(); ++At)
+	{
+		FBlock& Block = Drawn.Blocks[At];
+		std::vector<bool> Hidden = HiddenOf(Drawn.Base->Blocks[At], HiddenFaces);
+		if (Hidden == (Block.bHasBack ? Block.BackHidden : Block.FrontHidden))
+		{
+			continue;
+		}
+		Discard(Block.Back);
+		Block.bHasBack = Hidden != Block.FrontHidden;
+		if (Block.bHasBack)
+		{
+			MakeBlock(Drawn, At, Hidden, Block.Back);
+		}
+		Block.BackHidden = std::move(Hidden);
+		return true;
+	}
+	return false;
+}
+
+void FTerraportRenderer::MakeBlock(
+	const FBaseDrawn& Of, std::size_t Index, const std::vector<bool>& Hidden, FDrawable& Drawable)
+{
+	FTerraportMeshPart Part = Of.Base->Blocks[Index].Part;
+	int32 Count = 0;
+	for (std::size_t Face = 0; Face < Hidden.size(); ++Face)
+	{
+		for (int32 Corner = 0; !Hidden[Face] && Corner < 3; ++Corner)
+		{
+			Part.Indices[Count++] = Part.Indices[int32(3 * Face) + Corner];
+		}
+	}
+	Part.Indices.SetNum(Count);
+	if (Count > 0)
+	{
+		Make(Drawable, MakeShared<FTerraportGroundPiece, ESPMode::ThreadSafe>(Part), Of.Material);
+	}
+}
+
+void FTerraportRenderer::MakeBaseMaterial(FBaseDrawn& Of)
+{
+	Of.Texture = TerraportTexture::MakeTexture(Of.Base->Pixels);
+	if (Of.Texture != nullptr)
+	{
+		Keeper.Keep(Of.Texture);
+	}
+	UMaterialInstanceDynamic* Made = Instance(Of.Texture != nullptr ? Materials.BaseTexture : Materials.BaseColour, Of.Texture);
+	if (Made != nullptr)
+	{
+		Keeper.Keep(Made);
+		Made->SetScalarParameterValue(Materials.PushParameter, float(Of.Base->PushBackM) * TerraportAxes::CentimetresPerMetre);
+	}
+	Of.Material = Made;
+}
+
+void FTerraportRenderer::Discard(FBaseDrawn& Of)
+{
+	for (FBlock& Block : Of.Blocks)
+	{
+		Discard(Block.Front);
+		Discard(Block.Back);
+	}
+	if (Of.Texture != nullptr)
+	{
+		ReleaseTexture(Of.Texture);
+	}
+	if (Of.Material != nullptr)
+	{
+		Keeper.Release(Of.Material);
+	}
+	Of = FBaseDrawn();
+}
+
+// ---- meshes
+
+void FTerraportRenderer::Make(
+	FDrawable& Drawable, TSharedRef<FTerraportGroundPiece, ESPMode::ThreadSafe> Piece, UMaterialInterface* Material)
+{
+	UTerraportGroundComponent* Component = FindRoom(Piece->Bounds);
+	const bool bNew = Component == nullptr;
+	if (bNew)
+	{
+		Component = NewObject<UTerraportGroundComponent>(&Owner, NAME_None, RF_Transient | RF_DuplicateTransient);
+		Component->SetCastShadow(bCastShadow);
+		Component->SetCollisionEnabled(ECollisionEnabled::NoCollision);
+		Component->SetupAttachment(Owner.GetRootComponent());
+		Components.push_back(Component);
+		Keeper.Keep(Component);
+	}
+	Drawable.Component = Component;
+	Drawable.Piece = Component->AddPiece(Piece, Material);
+	Drawable.CreatedInFrame = GFrameCounter;
+	if (bNew)
+	{
+		Component->RegisterComponent();
+	}
+}
+
+/** The component that grows least by it, of those that have room and stay small; null where there is none. */
+UTerraportGroundComponent* FTerraportRenderer::FindRoom(const FBox& Bounds) const
+{
+	UTerraportGroundComponent* Best = nullptr;
+	double BestSideCm = MaxSideCm;
+	for (UTerraportGroundComponent* Component : Components)
+	{
+		if (!IsValid(Component) || Component->GetNumPieces() == UTerraportGroundComponent::MaxPieces)
+		{
+			continue;
+		}
+		FBox United = Component->GetPieceBounds();
+		United += Bounds;
+		const double SideCm = LongestSide(United);
+		// Of equals the first, which is the fuller.
+		if (SideCm < BestSideCm || (Best == nullptr && SideCm <= MaxSideCm))
+		{
+			Best = Component;
+			BestSideCm = SideCm;
+		}
+	}
+	return Best;
 }
 
 void FTerraportRenderer::Show(FDrawable& Drawable, bool bShown)
 {
 	// A block of the base whose faces are all hidden has no component, but counts as shown.
 	Drawable.bShown = bShown;
-	if (Drawable.Piece.Component != nullptr && IsValid(Drawable.Piece.Component))
+	if (Drawable.Component != nullptr && IsValid(Drawable.Component))
 	{
-		Backend->SetShown(Drawable.Piece, bShown);
+		Drawable.Component->ShowPiece(Drawable.Piece, bShown);
 	}
 }
 
@@ -218,35 +326,22 @@ void FTerraportRenderer::Discard(FDrawable& Drawable)
 	{
 		Show(Drawable, false);
 	}
-	if (Drawable.Piece.Component != nullptr || Drawable.Texture != nullptr)
+	if (Drawable.Component != nullptr || Drawable.Texture != nullptr)
 	{
-		ToDestroy.push_back(MoveTemp(Drawable));
+		ToDestroy.push_back(Drawable);
 	}
 	Drawable = FDrawable();
 }
 
-void FTerraportRenderer::Leave(FDrawable& Drawable)
-{
-	if (Drawable.bShown)
-	{
-		Leaving.push_back(MoveTemp(Drawable));
-		Drawable = FDrawable();
-	}
-	else
-	{
-		Discard(Drawable);
-	}
-}
-
 void FTerraportRenderer::Destroy(FDrawable& Drawable)
 {
-	UPrimitiveComponent* const Component = Drawable.Piece.Component;
+	UTerraportGroundComponent* const Component = Drawable.Component;
 	if (Component != nullptr)
 	{
-		Backend->Remove(Drawable.Piece);
-		if (--PieceCounts[Component] == 0)
+		Component->RemovePiece(Drawable.Piece);
+		if (Component->GetNumPieces() == 0)
 		{
-			PieceCounts.erase(Component);
+			Components.erase(std::remove(Components.begin(), Components.end(), Component), Components.end());
 			// The level may have gone first, components and all; or the collector has found them together with the actor.
 			if (IsValid(Component) && !Component->IsUnreachable())
 			{
@@ -262,19 +357,20 @@ void FTerraportRenderer::Destroy(FDrawable& Drawable)
 	Drawable = FDrawable();
 }
 
-void FTerraportRenderer::ReleaseTexture(UTexture2D* Texture)
+void FTerraportRenderer::ReleaseTexture(UTexture2D*& Texture)
 {
 	// Its memory on the GPU now, not when the collector comes by, which may be a minute and some landings later.
 	Texture->ReleaseResource();
 	Keeper.Release(Texture);
+	Texture = nullptr;
 }
 
-UMaterialInterface* FTerraportRenderer::Textured(UMaterialInterface* Material, UTexture2D* Texture)
+UMaterialInstanceDynamic* FTerraportRenderer::Instance(UMaterialInterface* Parent, UTexture2D* Texture)
 {
-	UMaterialInstanceDynamic* Instance = Material != nullptr ? UMaterialInstanceDynamic::Create(Material, &Owner) : nullptr;
-	if (Instance != nullptr)
+	UMaterialInstanceDynamic* Made = Parent != nullptr ? UMaterialInstanceDynamic::Create(Parent, &Owner) : nullptr;
+	if (Made != nullptr && Texture != nullptr)
 	{
-		Instance->SetTextureParameterValue(Materials.TextureParameter, Texture);
+		Made->SetTextureParameterValue(Materials.TextureParameter, Texture);
 	}
-	return Instance;
+	return Made;
 }

@@ -2,11 +2,9 @@
 
 #include "CoreMinimal.h"
 
-#include "Terraport/SceneRenderer.h"
+#include "Core/Stage.h"
 #include "TerraportKeeper.h"
-#include "TerraportMeshBackend.h"
-#include "TerraportMeshBuilder.h"
-#include "TerraportSettings.h"
+#include "TerraportMeshPart.h"
 
 #include <unordered_map>
 #include <vector>
@@ -14,10 +12,10 @@
 class AActor;
 class UMaterialInstanceDynamic;
 class UMaterialInterface;
-class UPrimitiveComponent;
+class UTerraportGroundComponent;
 class UTexture2D;
 
-/** What the ground is drawn with. Each may be null: then the fallback. */
+/** What the ground is drawn with. */
 struct FTerraportMaterials
 {
 	UMaterialInterface* Colour = nullptr;
@@ -28,93 +26,100 @@ struct FTerraportMaterials
 	FName TextureParameter;
 	/** Scalar parameter of both base materials: centimetres that the base is pushed back along the line of sight. */
 	FName PushParameter;
+	/** As vertex colours of these materials are coded. */
+	ETerraportVertexColours Coding = ETerraportVertexColours::Srgb;
+
+	/**
+	 * Those that are chosen; else those that terraport_materials.py made in this project; else the textured as the plain ones,
+	 * the base's as the detail's, and for the detail the engine's debug material.
+	 */
+	static FTerraportMaterials Find(const FTerraportMaterials& Chosen, bool bLit, const FString& SceneName);
 };
 
 /**
- * Draws what the stage orders, by components of one actor. Game thread.
+ * Draws by components of one actor, each with up to 16 pieces of ground that lie together. Game thread.
  *
  * Every component stands at the actor's own transform: positions are in the vertices (TerraportAxes.h), so that neighbours meet
- * without cracks. The base is drawn in blocks of its own order; a block whose hidden faces change gets a second component, made
- * and hidden before the swap, and the swap shows the one and hides the other.
+ * without cracks. The base is drawn in blocks; a block whose hidden faces change gets a second mesh, made and hidden before the
+ * swap, which shows the one and hides the other.
  */
-class FTerraportRenderer final : public terraport::SceneRenderer
+class FTerraportRenderer final : public terraport::Renderer
 {
 public:
-	FTerraportRenderer(AActor& Owner, ITerraportKeeper& Keeper, TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend,
-		const FTerraportMaterials& Materials, const FTerraportMeshSettings& Settings);
+	FTerraportRenderer(AActor& Owner, ITerraportKeeper& Keeper, const FTerraportMaterials& Materials, bool bCastShadow);
 	/** Destroys every component. */
 	virtual ~FTerraportRenderer() override;
 	FTerraportRenderer(const FTerraportRenderer&) = delete;
 	FTerraportRenderer& operator=(const FTerraportRenderer&) = delete;
 
-	/** The base that the next `beginBase` is of. */
-	void SetBase(TSharedRef<FTerraportBase, ESPMode::ThreadSafe> Base);
+	/** The base that `stepNewBase` makes from now on. */
+	void BeginBase(TSharedRef<FTerraportBase, ESPMode::ThreadSafe> Base);
 
-	/** Kind of an image that was not read, since the last call; None otherwise. Its ground is drawn in one colour. */
-	terraport::ImageType TakeUnread();
+	/** Whether an image was not read since the last call; its ground is drawn in one colour. */
+	bool TakeUnread();
 
-	/** Once a frame: a slice of what is not urgent (the first components of the base, components to be destroyed), until
-	 * `EndS`, but one piece at least. */
-	void Step(double EndS);
+	/** Destroy a slice of what is not drawn any more, until `EndS`. */
+	void FreeSome(double EndS);
 
-	virtual terraport::UploadState upload(
-		std::uint32_t Segment, const terraport::SegmentMesh& Mesh, terraport::ByteSpan Payload) override;
-	virtual bool isDrawable(std::uint32_t Segment) override;
-	virtual void free(std::uint32_t Segment) override;
-	virtual std::size_t gpuBytesOf(const terraport::SegmentMesh& Mesh) const override;
-	virtual void beginBase(const terraport::SceneFiles& Files) override;
-	virtual void prepareBase(const terraport::FaceRange& Block, const terraport::HiddenFaces& Next) override;
-	virtual bool isBaseReady() override;
-	virtual void swap(const terraport::SceneSwap& Change) override;
+	virtual UploadState upload(terraport::Key Key, terraport::PreparedSegment& Prepared) override;
+	virtual bool isDrawable(terraport::Key Key) override;
+	virtual void free(terraport::Key Key) override;
+	virtual bool stepNewBase() override;
+	virtual void showBase() override;
+	virtual bool stepBase(const terraport::FaceBits& HiddenFaces) override;
+	virtual void swap(const terraport::Swap& Change) override;
 
 private:
 	struct FDrawable
 	{
-		FTerraportPiece Piece;
+		UTerraportGroundComponent* Component = nullptr;
+		/** Which of the component's pieces it is. */
+		int32 Piece = 0;
 		UTexture2D* Texture = nullptr;
-		/** Frame in which it was made: its resources reach the render thread before the next one is drawn. */
+		/** Frame in which it was made: its buffers reach the render thread before the next one is drawn. */
 		uint64 CreatedInFrame = 0;
 		bool bShown = false;
 	};
 
+	/** A block of the base, drawn without its hidden faces. */
 	struct FBlock
 	{
 		FDrawable Front;
+		std::vector<bool> FrontHidden;
+		/** For the coming swap. */
 		FDrawable Back;
-		bool bHasFront = false;
+		std::vector<bool> BackHidden;
 		bool bHasBack = false;
 	};
 
-	bool Make(FDrawable& Drawable, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material);
+	struct FBaseDrawn
+	{
+		TSharedPtr<FTerraportBase, ESPMode::ThreadSafe> Base;
+		std::vector<FBlock> Blocks;
+		UTexture2D* Texture = nullptr;
+		UMaterialInterface* Material = nullptr;
+	};
+
+	void Make(FDrawable& Drawable, TSharedRef<FTerraportGroundPiece, ESPMode::ThreadSafe> Piece, UMaterialInterface* Material);
+	UTerraportGroundComponent* FindRoom(const FBox& Bounds) const;
 	void Show(FDrawable& Drawable, bool bShown);
 	/** Hidden at once, destroyed by and by. */
 	void Discard(FDrawable& Drawable);
-	/** Of an earlier version: drawn until the new base is, if it is drawn; else discarded. */
-	void Leave(FDrawable& Drawable);
 	void Destroy(FDrawable& Drawable);
-	void ReleaseTexture(UTexture2D* Texture);
-	void MakeBlock(uint32 Block, const terraport::HiddenFaces* Hidden, FDrawable& Drawable);
-	void MakeBaseMaterial(double PushBackM);
-	void ShowBase();
-	UMaterialInterface* Textured(UMaterialInterface* Material, UTexture2D* Texture);
+	void ReleaseTexture(UTexture2D*& Texture);
+	void MakeBlock(const FBaseDrawn& Of, std::size_t Block, const std::vector<bool>& Hidden, FDrawable& Drawable);
+	void MakeBaseMaterial(FBaseDrawn& Of);
+	void Discard(FBaseDrawn& Of);
+	UMaterialInstanceDynamic* Instance(UMaterialInterface* Parent, UTexture2D* Texture);
 
 	AActor& Owner;
 	ITerraportKeeper& Keeper;
-	const TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend;
 	const FTerraportMaterials Materials;
-	const FTerraportMeshSettings Settings;
-	std::unordered_map<uint32, FDrawable> Segments;
-	/** Pieces of each component that draws any: it is kept from the first to the last. */
-	std::unordered_map<UPrimitiveComponent*, int32> PieceCounts;
-	/** Segments and base of an earlier version, drawn until the new base is. */
-	std::vector<FDrawable> Leaving;
+	const bool bCastShadow;
+	std::unordered_map<terraport::Key, FDrawable> Segments;
+	/** Those with pieces; each is kept from its first piece to its last. */
+	std::vector<UTerraportGroundComponent*> Components;
 	std::vector<FDrawable> ToDestroy;
-	TSharedPtr<FTerraportBase, ESPMode::ThreadSafe> Base;
-	std::vector<FBlock> Blocks;
-	terraport::ImageType Unread = terraport::ImageType::None;
-	UMaterialInterface* BaseMaterial = nullptr;
-	UTexture2D* BaseTexture = nullptr;
-	/** The next block that has no component yet. */
-	uint32 NextBlock = 0;
-	bool bBaseShown = false;
+	FBaseDrawn Drawn, Next;
+	bool bUnread = false;
 };

@@ -4,8 +4,6 @@
 #include "Engine/World.h"
 #include "Materials/MaterialInterface.h"
 #include "TerraportAxes.h"
-#include "TerraportDynamicBackend.h"
-#include "TerraportGroundBackend.h"
 #include "TerraportLog.h"
 #include "TerraportMadeMaterials.h"
 #include "TerraportPlaces.h"
@@ -22,14 +20,7 @@ namespace
 using TerraportPlaces::ScenePointOf;
 using TerraportPlaces::WorldOf;
 
-terraport::Vec3 DirectionOf(const AActor& Actor, const FVector& WorldDirection)
-{
-	const FVector Local = Actor.GetActorTransform().InverseTransformVectorNoScale(WorldDirection);
-	const double Unreal[3] = {Local.X, Local.Y, Local.Z};
-	double Scene[3];
-	TerraportAxes::DirectionToScene(Unreal, Scene);
-	return terraport::Vec3{Scene[0], Scene[1], Scene[2]};
-}
+using TerraportPlaces::SceneDirectionOf;
 
 terraport::LandOptions OptionsOf(const FTerraportLandOptions& Options)
 {
@@ -41,99 +32,22 @@ terraport::LandOptions OptionsOf(const FTerraportLandOptions& Options)
 	if (Options.InnerRadiusM > 0.0)
 	{
 		Out.innerRadiusM = Options.InnerRadiusM;
-		if (Options.DeadlineMs > 0)
-		{
-			Out.deadlineMs = uint32(Options.DeadlineMs);
-		}
-		if (Options.StallMs > 0)
-		{
-			Out.stallMs = uint32(Options.StallMs);
-		}
+		Out.deadlineMs = double(Options.DeadlineMs);
+		Out.stallMs = double(Options.StallMs);
 	}
 	return Out;
-}
-
-ETerraportLandingPhase PhaseOf(terraport::LandingPhase Phase)
-{
-	switch (Phase)
-	{
-	case terraport::LandingPhase::Planning:
-		return ETerraportLandingPhase::Planning;
-	case terraport::LandingPhase::Loading:
-		return ETerraportLandingPhase::Loading;
-	case terraport::LandingPhase::PresentableDegraded:
-		return ETerraportLandingPhase::PresentableDegraded;
-	case terraport::LandingPhase::Presentable:
-		return ETerraportLandingPhase::Presentable;
-	case terraport::LandingPhase::ShownDegraded:
-		return ETerraportLandingPhase::ShownDegraded;
-	case terraport::LandingPhase::Shown:
-		return ETerraportLandingPhase::Shown;
-	case terraport::LandingPhase::Refused:
-		return ETerraportLandingPhase::Refused;
-	case terraport::LandingPhase::None:
-		break;
-	}
-	return ETerraportLandingPhase::None;
 }
 
 FTerraportGroundHit HitOf(const AActor& Actor, const terraport::GroundPoint& Point)
 {
 	FTerraportGroundHit Hit;
 	Hit.Location = WorldOf(Actor, Point.position);
-	const double Scene[3] = {Point.normal.x, Point.normal.y, Point.normal.z};
-	double Unreal[3];
-	TerraportAxes::DirectionToUnreal(Scene, Unreal);
-	Hit.Normal = Actor.GetActorTransform().TransformVectorNoScale(FVector(Unreal[0], Unreal[1], Unreal[2]));
+	Hit.Normal = TerraportPlaces::WorldDirectionOf(Actor, Point.normal);
 	Hit.DistanceCm = Point.at * TerraportAxes::CentimetresPerMetre;
 	Hit.Segment = int32(Point.segment);
 	return Hit;
 }
 
-/** Raises a session's events as the scene's. */
-class FSceneHost final : public ITerraportSessionHost
-{
-public:
-	explicit FSceneHost(ATerraportScene& InScene) : Scene(InScene) {}
-
-	virtual FString GetSceneUrl() const override { return Scene.SceneUrl; }
-	virtual double GetFrameBudgetMs() const override { return double(Scene.FrameBudgetMs); }
-	virtual bool IsAutoShow() const override { return Scene.bAutoShow; }
-	virtual bool ShowsCoarse() const override { return Scene.bShowsCoarse; }
-
-	virtual void OnOpened() override { Scene.OnOpened.Broadcast(); }
-	virtual void OnLink(const FTerraportLink& Link) override { Scene.OnLink.Broadcast(Link); }
-	virtual void OnPlan(const FTerraportPlan& Plan) override { Scene.OnPlan.Broadcast(Plan); }
-	virtual void OnReady(const FTerraportReady& Ready) override { Scene.OnReady.Broadcast(Ready); }
-	virtual void OnDegraded(int64 Landing) override { Scene.OnDegraded.Broadcast(Landing); }
-	virtual void OnPresentable(int64 Landing) override { Scene.OnPresentable.Broadcast(Landing); }
-	virtual void OnShown(const FTerraportSwap& Swap) override { Scene.OnShown.Broadcast(Swap); }
-	virtual void OnFailed(const FTerraportFailure& Failure) override { Scene.OnFailed.Broadcast(Failure); }
-	virtual void OnPicked(const FTerraportPick& Pick) override { Scene.OnPicked.Broadcast(Pick); }
-
-private:
-	/** Owns the session, which owns this. */
-	ATerraportScene& Scene;
-};
-
-FTerraportSessionSettings SettingsOf(const ATerraportScene& Scene)
-{
-	FTerraportSessionSettings Settings;
-	Settings.Token = TerraportText::ToUtf8(Scene.Token);
-	Settings.Budgets = Scene.Device == ETerraportDevice::Custom ? Scene.CustomBudgets : FTerraportBudgets::For(Scene.Device);
-	Settings.DecodeTasks = Scene.DecodeTasks;
-	Settings.Mesh.bCollision = Scene.bCollision;
-	Settings.Mesh.bCastShadow = Scene.bCastShadows || Scene.bLit;
-	Settings.bLit = Scene.bLit;
-	Settings.Materials.Colour = Scene.ColourMaterial;
-	Settings.Materials.Texture = Scene.TextureMaterial;
-	Settings.Materials.BaseColour = Scene.BaseColourMaterial;
-	Settings.Materials.BaseTexture = Scene.BaseTextureMaterial;
-	Settings.Materials.TextureParameter = Scene.TextureParameter;
-	Settings.Materials.PushParameter = Scene.PushParameter;
-	Settings.VertexColours = Scene.VertexColours;
-	return Settings;
-}
 } // namespace
 
 ATerraportScene::ATerraportScene()
@@ -211,32 +125,11 @@ void ATerraportScene::TickSession()
 void ATerraportScene::Open()
 {
 	Close();
-	TSharedPtr<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend = CustomBackend;
-	if (!Backend.IsValid())
-	{
-		// Packed meshes have nothing in main memory that collision could be cooked from.
-		if (Meshes == ETerraportMeshes::Dynamic || bCollision)
-		{
-			Backend = MakeShared<FTerraportDynamicBackend, ESPMode::ThreadSafe>();
-		}
-		else
-		{
-			Backend = MakeShared<FTerraportGroundBackend, ESPMode::ThreadSafe>();
-		}
-	}
 	if (!GetActorScale3D().Equals(FVector(1.0, 1.0, 1.0)))
 	{
 		UE_LOG(LogTerraport, Warning, TEXT("%s has a scale other than 1: radii and heights will be wrong"), *GetName());
 	}
-	FTerraportSessionSettings SessionSettings = SettingsOf(*this);
-	if (TokenProvider.IsBound())
-	{
-		SessionSettings.TokenProvider = [Provider = TokenProvider, Fixed = SessionSettings.Token]() {
-			return Provider.IsBound() ? TerraportText::ToUtf8(Provider.Execute()) : Fixed;
-		};
-	}
-	Session = MakeShared<FTerraportSession>(
-		*this, std::make_unique<FSceneHost>(*this), SessionSettings, ReferencedObjects, Backend.ToSharedRef());
+	Session = MakeShared<FTerraportSession>(*this, TokenProvider, ReferencedObjects);
 	if (bLandAtOpen)
 	{
 		bLandAtOpen = false;
@@ -263,7 +156,7 @@ void ATerraportScene::Reconnect(const FString& NewToken)
 {
 	if (Session.IsValid())
 	{
-		Session->Reconnect(TerraportText::ToUtf8(NewToken));
+		Session->Reconnect(NewToken);
 	}
 }
 
@@ -299,7 +192,7 @@ int64 ATerraportScene::Pick(const FVector& WorldOrigin, const FVector& WorldDire
 	{
 		return -1;
 	}
-	return Session->Pick(ScenePointOf(*this, WorldOrigin), DirectionOf(*this, WorldDirection));
+	return Session->Pick(ScenePointOf(*this, WorldOrigin), SceneDirectionOf(*this, WorldDirection));
 }
 
 bool ATerraportScene::Show()
@@ -311,15 +204,15 @@ bool ATerraportScene::Show()
 bool ATerraportScene::CastGround(
 	const FVector& WorldStart, const FVector& WorldDirection, double MaxDistanceCm, FTerraportGroundHit& Hit) const
 {
-	const terraport::ShownGround* Ground = Session.IsValid() ? Session->GetGround() : nullptr;
-	if (Ground == nullptr || WorldStart.ContainsNaN() || WorldDirection.ContainsNaN() || !(MaxDistanceCm > 0.0))
+	const terraport::Stage* Stage = Session.IsValid() ? Session->GetStage() : nullptr;
+	if (Stage == nullptr || WorldStart.ContainsNaN() || WorldDirection.ContainsNaN() || !(MaxDistanceCm > 0.0))
 	{
 		return false;
 	}
 	terraport::GroundPoint Point;
 	const double ReachM = MaxDistanceCm / TerraportAxes::CentimetresPerMetre;
-	const terraport::Vec3 Along = DirectionOf(*this, WorldDirection.GetSafeNormal());
-	if (!Ground->cast(ScenePointOf(*this, WorldStart), Along, ReachM, Point))
+	const terraport::Vec3 Along = SceneDirectionOf(*this, WorldDirection.GetSafeNormal());
+	if (!Stage->ground().cast(ScenePointOf(*this, WorldStart), Along, ReachM, Point))
 	{
 		return false;
 	}
@@ -329,9 +222,9 @@ bool ATerraportScene::CastGround(
 
 bool ATerraportScene::GroundAt(const FVector& WorldLocation, FTerraportGroundHit& Hit) const
 {
-	const terraport::ShownGround* Ground = Session.IsValid() ? Session->GetGround() : nullptr;
+	const terraport::Stage* Stage = Session.IsValid() ? Session->GetStage() : nullptr;
 	terraport::GroundPoint Point;
-	if (Ground == nullptr || WorldLocation.ContainsNaN() || !Ground->groundAt(ScenePointOf(*this, WorldLocation), Point))
+	if (Stage == nullptr || WorldLocation.ContainsNaN() || !Stage->ground().groundAt(ScenePointOf(*this, WorldLocation), Point))
 	{
 		return false;
 	}
@@ -347,11 +240,11 @@ bool ATerraportScene::IsOpen() const
 FTerraportStatus ATerraportScene::GetStatus() const
 {
 	FTerraportStatus Status;
-	const terraport::SceneStage* Stage = Session.IsValid() ? Session->GetStage() : nullptr;
+	const terraport::Stage* Stage = Session.IsValid() ? Session->GetStage() : nullptr;
 	if (Stage != nullptr)
 	{
 		const terraport::LandingStatus CoreStatus = Stage->status();
-		Status.Phase = PhaseOf(CoreStatus.phase);
+		Status.Phase = ETerraportLandingPhase(CoreStatus.phase);
 		Status.Landing = std::max<int64>(CoreStatus.landing, 0);
 		Status.Fraction = CoreStatus.fraction;
 		Status.ReadyMs = CoreStatus.readyMs;
@@ -368,12 +261,12 @@ FTerraportStats ATerraportScene::TakeStats()
 
 FBox ATerraportScene::GetSceneBounds() const
 {
-	const terraport::SceneStage* Stage = Session.IsValid() ? Session->GetStage() : nullptr;
+	const terraport::SharedScene Loaded = Session.IsValid() ? Session->GetScene() : nullptr;
 	FBox Box(ForceInit);
-	if (Stage != nullptr)
+	if (Loaded)
 	{
-		const terraport::Vec3& Least = Stage->files().manifest.boundsMin;
-		const terraport::Vec3& Most = Stage->files().manifest.boundsMax;
+		const terraport::Vec3& Least = Loaded->boundsMin;
+		const terraport::Vec3& Most = Loaded->boundsMax;
 		for (int32 Corner = 0; Corner < 8; ++Corner)
 		{
 			Box += WorldOf(*this,
@@ -386,29 +279,24 @@ FBox ATerraportScene::GetSceneBounds() const
 
 bool ATerraportScene::WorldToSurvey(const FVector& WorldLocation, FVector& EastNorthHeightM) const
 {
-	const terraport::SceneStage* Stage = Session.IsValid() ? Session->GetStage() : nullptr;
-	if (Stage == nullptr)
+	const terraport::SharedScene Loaded = Session.IsValid() ? Session->GetScene() : nullptr;
+	if (!Loaded)
 	{
 		return false;
 	}
-	const terraport::Vec3 Survey = terraport::toSurvey(Stage->files().manifest, ScenePointOf(*this, WorldLocation));
+	const terraport::Vec3 Survey = Loaded->toSurvey(ScenePointOf(*this, WorldLocation));
 	EastNorthHeightM = FVector(Survey.x, Survey.y, Survey.z);
 	return true;
 }
 
 bool ATerraportScene::SurveyToWorld(const FVector& EastNorthHeightM, FVector& WorldLocation) const
 {
-	const terraport::SceneStage* Stage = Session.IsValid() ? Session->GetStage() : nullptr;
-	if (Stage == nullptr)
+	const terraport::SharedScene Loaded = Session.IsValid() ? Session->GetScene() : nullptr;
+	if (!Loaded)
 	{
 		return false;
 	}
 	const terraport::Vec3 Survey{EastNorthHeightM.X, EastNorthHeightM.Y, EastNorthHeightM.Z};
-	WorldLocation = WorldOf(*this, terraport::fromSurvey(Stage->files().manifest, Survey));
+	WorldLocation = WorldOf(*this, Loaded->fromSurvey(Survey));
 	return true;
-}
-
-void ATerraportScene::SetMeshBackend(TSharedPtr<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend)
-{
-	CustomBackend = Backend;
 }

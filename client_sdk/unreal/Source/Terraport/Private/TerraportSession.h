@@ -2,85 +2,69 @@
 
 #include "CoreMinimal.h"
 
-#include "Terraport/GroupFollower.h"
-#include "Terraport/SceneStage.h"
-#include "Terraport/SceneStream.h"
-#include "Terraport/ShownGround.h"
+#include "Core/Link.h"
+#include "Core/SceneLoader.h"
+#include "Core/Stage.h"
 #include "TerraportDecodes.h"
 #include "TerraportFeet.h"
-#include "TerraportFiles.h"
+#include "TerraportHttp.h"
 #include "TerraportKeeper.h"
 #include "TerraportRenderer.h"
-#include "TerraportSessionHost.h"
-#include "TerraportSettings.h"
 #include "TerraportTypes.h"
 
-#include <functional>
 #include <memory>
 #include <string>
+#include <variant>
 #include <vector>
 
-class AActor;
-
-/** The properties of a scene that count when it opens, as they were then. */
-struct FTerraportSessionSettings
-{
-	/** UTF-8; empty for none. */
-	std::string Token;
-	/** Asked for each connection and each loading in place of it; null without. */
-	std::function<std::string()> TokenProvider;
-	FTerraportBudgets Budgets;
-	/** Payloads decoded at a time; below 1 counts as 1. */
-	int32 DecodeTasks = 1;
-	FTerraportMeshSettings Mesh;
-	FTerraportMaterials Materials;
-	/** Of the materials that are found by themselves the lit ones. */
-	bool bLit = false;
-	ETerraportVertexColours VertexColours = ETerraportVertexColours::Srgb;
-};
+class ATerraportScene;
 
 /**
- * Everything of a scene between Open and Close: files, stream, stage, renderer. Game thread.
+ * Everything of a scene between Open and Close: files, connection, stage, renderer. Game thread.
  *
- * Listeners of the actor's events may call anything of it, Close and Open included: Host is never called from within a call of
- * the core, and after each call of it `bEnded` says whether this session still counts.
+ * Listeners of the actor's events may call anything of it, Close and Open included: no event is raised from within a call of
+ * the core, and after each of them `bEnded` says whether this session still counts.
  */
 class FTerraportSession final
 {
 public:
-	/** Components are made in `Owner`. `ReferencedObjects` is followed by the garbage collector, and both outlive this. */
-	FTerraportSession(AActor& Owner, std::unique_ptr<ITerraportSessionHost> Host, const FTerraportSessionSettings& Settings,
-		TSet<TObjectPtr<UObject>>& ReferencedObjects, TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend);
+	/** Takes the scene's properties as they are now. `ReferencedObjects` is followed by the garbage collector; both outlive
+	 * this. */
+	FTerraportSession(
+		ATerraportScene& Scene, const FTerraportTokenProvider& TokenProvider, TSet<TObjectPtr<UObject>>& ReferencedObjects);
 	~FTerraportSession();
 	FTerraportSession(const FTerraportSession&) = delete;
 	FTerraportSession& operator=(const FTerraportSession&) = delete;
 
 	/** Once a frame: load, receive, draw and report, within the frame's budget. May end this session, by a listener. */
 	void Tick();
-	/** Free everything now. Host is not called any more. */
+	/** Free everything now. No event is raised any more. */
 	void End();
 
 	int64 Land(const terraport::Vec3& Position, double RadiusM, const terraport::LandOptions& Options);
 	void Aim(const terraport::Vec3& Position, double RadiusM);
+	int64 Pick(const terraport::Vec3& Origin, const terraport::Vec3& Direction);
+	bool Show();
+	void Reconnect(const FString& NewToken);
 	/** Once a frame after Tick, where somebody walks: the ground around the feet is solid. */
 	void StepFeet(const terraport::Vec3& Place, double HalfM, int32 MaxFaces);
-	int64 Pick(const terraport::Vec3& Origin, const terraport::Vec3& Direction);
-	/** Land the group; false where a number cannot be. */
-	bool Gather(const terraport::Vec3& Position, double RadiusM);
-	/** The landing's number; 0 where the group is nowhere. */
-	int64 GoToGroup();
-	/** What happened in the group since this was asked last, the newest of it. */
-	std::vector<terraport::StreamEvent> TakeGroupNews();
-	bool Show();
-	void Reconnect(const std::string& NewToken);
-
-	/** Null before the scene is open. */
-	const terraport::SceneStage* GetStage() const { return Stage.get(); }
-	terraport::GroupFollower* GetFollower() const { return Follower.get(); }
-	const terraport::ShownGround* GetGround() const { return Ground.get(); }
 	FTerraportStats TakeStats();
 
+	/** Null before the scene was loaded. */
+	const terraport::Stage* GetStage() const { return Stage.get(); }
+	terraport::SharedScene GetScene() const { return Stage ? Stage->scene() : nullptr; }
+	const terraport::SessionCounts& GetCounts() const { return Core->counts(); }
+
+	// Groups, for UTerraportGroupComponent.
+	/** Null before the scene was loaded. */
+	terraport::Seat* GetSeat() { return Core ? &Core->seat() : nullptr; }
+	bool JoinGroup(const std::string& Name, bool bAsGuide, const std::string& OwnName);
+	/** What happened in the group since the last call. */
+	std::vector<terraport::GroupEvent> TakeGroupEvents() { return std::exchange(GroupEvents, {}); }
+
 private:
+	using FNews = std::variant<terraport::Event, terraport::LinkState>;
+	struct FLoading;
 	struct FPending
 	{
 		terraport::Vec3 Position;
@@ -88,55 +72,44 @@ private:
 		terraport::LandOptions Options;
 	};
 
+	std::string PresentToken() const;
 	void StartLoading();
 	void PollLoading(double NowMs);
-	void RetryLater(double NowMs);
-	void TakeFiles(FTerraportFilesResult& Result, double NowMs);
-	bool MakeStream(const FTerraportFilesResult& Files);
-	void Draw(double NowMs, double EndMs);
-	void NoteGroup(const terraport::StreamEvent& Event);
-	void ReportSwaps();
-	void ReportPresentable();
-	void ReportUnread();
-	void Report(const terraport::StreamEvent& Event);
+	void TakeScene(const FLoading& Loaded, double NowMs);
+	void Connect(const terraport::SceneUrl& Url, const terraport::Scene& Loaded);
+	void Handle(FNews& News, double NowMs);
+	void Report(const terraport::Event& Event);
 	void ReportLink(const terraport::LinkState& Link);
+	void ReportDrawn();
 	void ReportFailure(const std::string& Code, const std::string& Message, int64 Landing, bool bFatal);
-	uint64 GpuShareBytes() const;
-	terraport::StreamOptions StreamOptionsOf(const FTerraportFilesResult& Files) const;
-	FTerraportMaterials MaterialsOf(const FTerraportMaterials& Chosen, bool bLit);
 
-	AActor& Owner;
-	const std::unique_ptr<ITerraportSessionHost> Host;
+	ATerraportScene& Scene;
 	FTerraportKeeper Keeper;
-	const TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend;
-	std::string Token;
-	std::function<std::string()> TokenProvider;
-	/** Of the scene, as the connection has it; empty before there was one. */
-	std::string StreamVersion;
 	const FTerraportBudgets Budgets;
-	/** As the material for vertex colours wants them. */
-	ETerraportVertexColours Colours;
+	FTerraportTokenProvider TokenProvider;
+	std::string Token;
+	const FTerraportMaterials Materials;
 	bool bEnded = false;
-	std::unique_ptr<FTerraportFiles> Loading;
+	std::unique_ptr<FLoading> Loading;
 	/** When to try again to load, milliseconds; 0 for not at all. */
 	double RetryAtMs = 0.0;
 	int32 LoadAttempt = 0;
+	/** Of the newest connection. */
+	std::string Version;
 	/** In the order in which they need one another: destroyed the other way round. */
 	std::unique_ptr<FTerraportRenderer> Renderer;
-	std::unique_ptr<terraport::ShownGround> Ground;
+	std::shared_ptr<terraport::DiskCache> Disk;
+	std::unique_ptr<FTerraportDecodes> Decodes;
+	std::unique_ptr<terraport::Session> Core;
+	std::unique_ptr<terraport::Link> Link;
+	std::unique_ptr<terraport::Stage> Stage;
 	/** Null where nobody walks. */
 	std::unique_ptr<FTerraportFeet> Feet;
-	std::unique_ptr<FTerraportDecodes> Decodes;
-	std::unique_ptr<terraport::SceneStream> Stream;
-	std::unique_ptr<terraport::SceneStage> Stage;
-	std::unique_ptr<terraport::GroupFollower> Follower;
-	std::vector<terraport::StreamEvent> GroupNews;
-	/** What the renderer draws with, held for as long as it does. */
-	std::vector<UMaterialInterface*> KeptMaterials;
+	std::vector<FNews> Inbox;
+	std::vector<terraport::GroupEvent> GroupEvents;
 	TOptional<FPending> Pending;
-	std::vector<terraport::SceneSwap> Swaps;
 	int64 ReportedPresentable = -1;
-	bool bReportedPresentableInFull = false;
+	bool bReportedInFull = false;
 	/** Said once: a scene has one kind of images throughout. */
 	bool bReportedUnread = false;
 	double MaxFrameMs = 0.0;

@@ -1,11 +1,11 @@
 #include "TerraportTexture.h"
 
+#include "Core/Ktx2.h"
 #include "Engine/Texture2D.h"
 #include "IImageWrapperModule.h"
 #include "ImageCore.h"
 #include "Modules/ModuleManager.h"
 #include "PixelFormat.h"
-#include "Terraport/Ktx2.h"
 #include "TextureResource.h"
 
 #include <algorithm>
@@ -32,6 +32,26 @@ const std::array<uint16, 256>& LinearLevels()
 	return Levels;
 }
 
+/** The nearest level of linear light. */
+uint8 SrgbOf(uint16 Light)
+{
+	static const std::vector<uint8> Levels = [] {
+		const std::array<uint16, 256>& Linear = LinearLevels();
+		std::vector<uint8> Out(65536);
+		std::size_t Level = 0;
+		for (std::size_t Code = 0; Code < Out.size(); ++Code)
+		{
+			while (Level < 255 && 2 * Code > std::size_t(Linear[Level]) + Linear[Level + 1])
+			{
+				++Level;
+			}
+			Out[Code] = uint8(Level);
+		}
+		return Out;
+	}();
+	return Levels[Light];
+}
+
 /** Four pixels to one. Where a side is 1 already, two. */
 TArray64<uint8> HalfOf(const TArray64<uint8>& From, int32 Width, int32 Height)
 {
@@ -55,7 +75,7 @@ TArray64<uint8> HalfOf(const TArray64<uint8>& From, int32 Width, int32 Height)
 				{
 					Sum += Linear[From[Corner + Channel]];
 				}
-				Out[To + Channel] = terraport::srgbOfLinear16(uint16((Sum + 2) / 4));
+				Out[To + Channel] = SrgbOf(uint16((Sum + 2) / 4));
 			}
 			Out[To + 3] = 255;
 		}
@@ -85,7 +105,7 @@ namespace
 /** Blocks of four by four texels: the engine makes no smaller texture of them. */
 constexpr std::uint32_t BlockSide = 4;
 
-FTerraportPixels DecodeBlocks(const terraport::PayloadImage& Image, terraport::ByteSpan Payload)
+FTerraportPixels DecodeBlocks(const terraport::SegmentImage& Image, terraport::ByteSpan Payload)
 {
 	FTerraportPixels Pixels;
 	const bool bDesktop = GPixelFormats[PF_DXT1].Supported;
@@ -94,9 +114,8 @@ FTerraportPixels DecodeBlocks(const terraport::PayloadImage& Image, terraport::B
 		return Pixels;
 	}
 	std::vector<terraport::BlockLevel> Levels;
-	const terraport::ByteSpan File{Payload.data + Image.offset, Image.bytes};
 	const terraport::BlockForm Form = bDesktop ? terraport::BlockForm::Bc1 : terraport::BlockForm::Etc1;
-	if (!terraport::decodeKtx2(File, Form, Levels).isOk())
+	if (!terraport::decodeKtx2(Image.fileOf(Payload), Form, Levels).isOk())
 	{
 		return Pixels;
 	}
@@ -114,21 +133,21 @@ FTerraportPixels DecodeBlocks(const terraport::PayloadImage& Image, terraport::B
 }
 } // namespace
 
-FTerraportPixels Decode(const terraport::PayloadImage& Image, terraport::ByteSpan Payload)
+FTerraportPixels Decode(const terraport::SegmentImage& Image, terraport::ByteSpan Payload)
 {
-	if (Image.type == terraport::ImageType::Ktx2)
+	if (Image.kind == terraport::ImageKind::Ktx2)
 	{
 		return DecodeBlocks(Image, Payload);
 	}
 	FTerraportPixels Pixels;
-	if (Image.type != terraport::ImageType::Jpeg && Image.type != terraport::ImageType::Png)
+	if (Image.kind != terraport::ImageKind::Jpeg && Image.kind != terraport::ImageKind::Png)
 	{
 		return Pixels;
 	}
 	// Loaded when the scene was opened: a worker may only look it up.
 	IImageWrapperModule* Module = FModuleManager::GetModulePtr<IImageWrapperModule>(TEXT("ImageWrapper"));
 	FImage Raw;
-	if (Module == nullptr || !Module->DecompressImage(Payload.data + Image.offset, int64(Image.bytes), Raw))
+	if (Module == nullptr || !Module->DecompressImage(Image.fileOf(Payload).data, int64(Image.bytes), Raw))
 	{
 		return Pixels;
 	}

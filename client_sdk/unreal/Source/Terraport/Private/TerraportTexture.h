@@ -2,9 +2,8 @@
 
 #include "CoreMinimal.h"
 
+#include "Core/Segment.h"
 #include "PixelFormat.h"
-#include "Terraport/SegmentMesh.h"
-#include "Terraport/Types.h"
 
 #include <vector>
 
@@ -30,7 +29,7 @@ namespace TerraportTexture
  * Empty where there is no image, where its format is none that is read (WebP), where the graphics have neither of the two, or
  * where it is damaged: the ground is then drawn in its regions' mean colour.
  */
-FTerraportPixels Decode(const terraport::PayloadImage& Image, terraport::ByteSpan Payload);
+FTerraportPixels Decode(const terraport::SegmentImage& Image, terraport::ByteSpan Payload);
 
 /** Linear light of a level of sRGB, in 16 bits. */
 uint16 LinearOf(uint8 Level);

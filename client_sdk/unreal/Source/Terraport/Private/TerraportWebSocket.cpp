@@ -1,122 +1,121 @@
 #include "TerraportWebSocket.h"
 
+#include "Core/Messages.h"
 #include "IWebSocket.h"
 #include "Modules/ModuleManager.h"
-#include "Terraport/MessageAssembler.h"
 #include "TerraportText.h"
 #include "WebSocketsModule.h"
+
+#include <deque>
+#include <utility>
 
 namespace
 {
 constexpr int Abnormal = 1006;
-/** Of one text message, where JSON was chosen: a plan of a large landing. The engine's own limit is lower. */
-constexpr uint64 MaxTextBytes = 8u * 1024 * 1024;
+/** Messages that wait to be read: what credit lets the service send, and more. */
+constexpr std::size_t MaxWaitingBytes = std::size_t(512) << 20;
 } // namespace
 
 struct FTerraportWebSocket::FState
 {
-	terraport::MessageAssembler Assembler;
-	terraport::TransportState Connection = terraport::TransportState::Connecting;
+	State Connection = State::Connecting;
 	int CloseCode = 0;
 	std::string CloseReason;
+	/** A message whose last fragment has not come. */
+	terraport::Bytes Part;
+	std::deque<terraport::Bytes> Whole;
+	std::size_t WaitingBytes = 0;
 
 	void Fail(int Code, const std::string& Reason)
 	{
-		if (Connection != terraport::TransportState::Closed)
+		if (Connection != State::Closed)
 		{
-			Connection = terraport::TransportState::Closed;
+			Connection = State::Closed;
 			CloseCode = Code;
 			CloseReason = Reason;
 		}
 	}
 
-	void Take(const void* Data, SIZE_T Size, bool bIsText, bool bIsLast)
+	void Take(const uint8* Data, std::size_t Size, bool bIsLast)
 	{
-		if (Connection != terraport::TransportState::Open)
+		if (Connection == State::Closed)
 		{
 			return;
 		}
-		const terraport::Status Status =
-			Assembler.take(terraport::ByteSpan{static_cast<const uint8*>(Data), std::size_t(Size)}, bIsText, bIsLast);
-		if (!Status.isOk())
+		if (Size > terraport::kMaxMessageBytes - Part.size() || Size > MaxWaitingBytes - WaitingBytes)
 		{
-			Fail(Abnormal, Status.text());
+			Fail(Abnormal, "got a message that is too long, or too many of them");
+			return;
+		}
+		Part.insert(Part.end(), Data, Data + Size);
+		WaitingBytes += Size;
+		if (bIsLast)
+		{
+			Whole.push_back(std::exchange(Part, terraport::Bytes()));
 		}
 	}
 };
 
-FTerraportWebSocket::FTerraportWebSocket() : State(MakeShared<FState>()) {}
+FTerraportWebSocket::FTerraportWebSocket(const std::string& Url, const std::string& Subprotocol, const std::string& Token)
+	: Shared(MakeShared<FState>())
+{
+	TArray<FString> Protocols;
+	Protocols.Add(TerraportText::FromUtf8(Subprotocol));
+	TMap<FString, FString> Headers;
+	if (!Token.empty())
+	{
+		Headers.Add(TEXT("Authorization"), TEXT("Bearer ") + TerraportText::FromUtf8(Token));
+	}
+	FWebSocketsModule& Module = FModuleManager::LoadModuleChecked<FWebSocketsModule>(TEXT("WebSockets"));
+	Socket = Module.CreateWebSocket(TerraportText::FromUtf8(Url), Protocols, Headers);
+	// Callbacks hold the state and not this: nothing promises when the module lets go of them.
+	const TSharedRef<FState> Kept = Shared;
+	Socket->OnConnected().AddLambda([Kept]() {
+		if (Kept->Connection == State::Connecting)
+		{
+			Kept->Connection = State::Open;
+		}
+	});
+	Socket->OnConnectionError().AddLambda([Kept](const FString& Error) { Kept->Fail(Abnormal, TerraportText::ToUtf8(Error)); });
+	Socket->OnClosed().AddLambda([Kept](int32 Code, const FString& Reason, bool bWasClean) {
+		// A connection that broke has no code of the server's, whatever the platform reports.
+		const bool bHasCode = bWasClean || Code >= 3000;
+		Kept->Fail(bHasCode && Code > 0 ? int(Code) : Abnormal, TerraportText::ToUtf8(Reason));
+	});
+	Socket->OnBinaryMessage().AddLambda([Kept](const void* Data, SIZE_T Size, bool bIsLastFragment) {
+		Kept->Take(static_cast<const uint8*>(Data), std::size_t(Size), bIsLastFragment);
+	});
+	// The protocol has no text.
+	Socket->OnMessage().AddLambda([Kept](const FString&) { Kept->Fail(4400, "got text, expected binary messages"); });
+	// Last, since it may report at once.
+	Socket->Connect();
+}
 
 FTerraportWebSocket::~FTerraportWebSocket()
 {
 	close(1000, std::string());
 }
 
-void FTerraportWebSocket::open(
-	const std::string& Url, const std::vector<std::string>& Subprotocols, const std::string& BearerToken)
+terraport::Transport::State FTerraportWebSocket::state() const
 {
-	// 1. One subprotocol: the module does not tell which of several the server chose.
-	if (Subprotocols.empty())
+	return Shared->Connection;
+}
+
+bool FTerraportWebSocket::tryReceive(terraport::Bytes& Message)
+{
+	if (Shared->Whole.empty())
 	{
-		State->Fail(Abnormal, "no subprotocol was offered");
-		return;
+		return false;
 	}
-	Offered = Subprotocols.front();
-	TArray<FString> Protocols;
-	Protocols.Add(TerraportText::FromUtf8(Offered));
-	// 2. The socket; its module runs a thread of its own.
-	TMap<FString, FString> Headers;
-	if (!BearerToken.empty())
-	{
-		Headers.Add(TEXT("Authorization"), TEXT("Bearer ") + TerraportText::FromUtf8(BearerToken));
-	}
-	FWebSocketsModule& Module = FModuleManager::LoadModuleChecked<FWebSocketsModule>(TEXT("WebSockets"));
-	Socket = Module.CreateWebSocket(TerraportText::FromUtf8(Url), Protocols, Headers);
-
-	// 3. Callbacks, on the game thread. They hold the state and not this: nothing promises when the module lets go of them.
-	const TSharedRef<FState> Shared = State;
-	Socket->OnConnected().AddLambda([Shared]() {
-		if (Shared->Connection == terraport::TransportState::Connecting)
-		{
-			Shared->Connection = terraport::TransportState::Open;
-		}
-	});
-	Socket->OnConnectionError().AddLambda(
-		[Shared](const FString& Error) { Shared->Fail(Abnormal, TerraportText::ToUtf8(Error)); });
-	Socket->OnClosed().AddLambda([Shared](int32 Code, const FString& Reason, bool bWasClean) {
-		// A connection that broke has no code of the server's, whatever the platform reports.
-		const bool bHasCode = bWasClean || Code >= 3000;
-		Shared->Fail(bHasCode && Code > 0 ? int(Code) : Abnormal, TerraportText::ToUtf8(Reason));
-	});
-	Socket->SetTextMessageMemoryLimit(MaxTextBytes);
-	Socket->OnBinaryMessage().AddLambda(
-		[Shared](const void* Data, SIZE_T Size, bool bIsLastFragment) { Shared->Take(Data, Size, false, bIsLastFragment); });
-	Socket->OnMessage().AddLambda([Shared](const FString& Message) {
-		const std::string Text = TerraportText::ToUtf8(Message);
-		Shared->Take(Text.data(), Text.size(), true, true);
-	});
-	// 4. Last, since it may report at once.
-	Socket->Connect();
-}
-
-terraport::TransportState FTerraportWebSocket::state() const
-{
-	return State->Connection;
-}
-
-std::string FTerraportWebSocket::subprotocol() const
-{
-	return State->Connection == terraport::TransportState::Open ? Offered : std::string();
-}
-
-bool FTerraportWebSocket::tryReceive(terraport::TransportMessage& Message)
-{
-	return State->Assembler.tryNext(Message);
+	Message = std::move(Shared->Whole.front());
+	Shared->Whole.pop_front();
+	Shared->WaitingBytes -= Message.size();
+	return true;
 }
 
 bool FTerraportWebSocket::trySend(terraport::ByteSpan Bytes)
 {
-	if (State->Connection != terraport::TransportState::Open || !Socket.IsValid())
+	if (Shared->Connection != State::Open || !Socket.IsValid())
 	{
 		return false;
 	}
@@ -126,17 +125,17 @@ bool FTerraportWebSocket::trySend(terraport::ByteSpan Bytes)
 
 int FTerraportWebSocket::closeCode() const
 {
-	return State->CloseCode;
+	return Shared->CloseCode;
 }
 
 std::string FTerraportWebSocket::closeReason() const
 {
-	return State->CloseReason;
+	return Shared->CloseReason;
 }
 
 void FTerraportWebSocket::close(int Code, const std::string& Reason)
 {
-	State->Fail(Code, Reason);
+	Shared->Fail(Code, Reason);
 	if (Socket.IsValid())
 	{
 		// No callback of a connection that was left may be taken for one of the next.
@@ -148,9 +147,4 @@ void FTerraportWebSocket::close(int Code, const std::string& Reason)
 		Socket->Close(Code, TerraportText::FromUtf8(Reason));
 		Socket.Reset();
 	}
-}
-
-std::unique_ptr<terraport::Transport> FTerraportWebSockets::make()
-{
-	return std::make_unique<FTerraportWebSocket>();
 }

@@ -2,33 +2,28 @@
 
 #include "CoreMinimal.h"
 
-#include "Terraport/Transport.h"
+#include "Core/Transport.h"
 
 #include <memory>
 #include <string>
-#include <vector>
 
 class IWebSocket;
 
 /**
  * The core's transport on the engine's WebSockets module. Game thread: the module calls back there.
  *
- * The token goes as a header (`Authorization: Bearer`). The engine does not say which subprotocol the server chose; exactly one
- * is offered, so it is that one, or the server closes.
+ * The engine does not say which subprotocol the server chose; exactly one is offered, so it is that one, or the server closes.
  */
 class FTerraportWebSocket final : public terraport::Transport
 {
 public:
-	FTerraportWebSocket();
+	FTerraportWebSocket(const std::string& Url, const std::string& Subprotocol, const std::string& Token);
 	virtual ~FTerraportWebSocket() override;
 	FTerraportWebSocket(const FTerraportWebSocket&) = delete;
 	FTerraportWebSocket& operator=(const FTerraportWebSocket&) = delete;
 
-	virtual void open(
-		const std::string& Url, const std::vector<std::string>& Subprotocols, const std::string& BearerToken) override;
-	virtual terraport::TransportState state() const override;
-	virtual std::string subprotocol() const override;
-	virtual bool tryReceive(terraport::TransportMessage& Message) override;
+	virtual State state() const override;
+	virtual bool tryReceive(terraport::Bytes& Message) override;
 	virtual bool trySend(terraport::ByteSpan Bytes) override;
 	virtual int closeCode() const override;
 	virtual std::string closeReason() const override;
@@ -37,14 +32,6 @@ public:
 private:
 	struct FState;
 	/** Shared with the callbacks, which may outlive this object by a frame. */
-	TSharedRef<FState> State;
+	TSharedRef<FState> Shared;
 	TSharedPtr<IWebSocket> Socket;
-	std::string Offered;
-};
-
-/** Makes one of them for each connection. */
-class FTerraportWebSockets final : public terraport::TransportFactory
-{
-public:
-	virtual std::unique_ptr<terraport::Transport> make() override;
 };

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cmath>
-#include <cstddef>
 #include <cstdint>
 
 /// The one place where axes and units change: scene frame <-> Unreal.
@@ -58,65 +57,15 @@ inline void DirectionToScene(const Real Unreal[3], Real Out[3])
 	DirectionToUnreal(Unreal, Out);
 }
 
-/// Positions of `Count` vertices from the grid: four codes a vertex (the fourth is padding) to three floats, centimetres.
-///
-/// `Translation + StepM * code` is exact in float32 (scene format, section 4), and one multiplication by 100 rounds equal
-/// positions equally: border vertices that two segments share stay equal to the bit, whatever their translations. That is why
-/// nothing is left to a component's transform.
-inline void PositionsToUnreal(
-	const std::uint16_t* Codes, std::size_t Count, const float Translation[3], float StepM, float* Out)
+/// A unit normal from signed bytes, of which 127 is 1. One of no length points up.
+inline void NormalToUnreal(const std::int8_t Codes[3], float Out[3])
 {
-	for (std::size_t Vertex = 0; Vertex < Count; ++Vertex)
+	const float Scene[3] = {float(Codes[0]), float(Codes[1]), float(Codes[2])};
+	const float Length = std::sqrt(Scene[0] * Scene[0] + Scene[1] * Scene[1] + Scene[2] * Scene[2]);
+	DirectionToUnreal(Scene, Out);
+	for (int Axis = 0; Axis < 3; ++Axis)
 	{
-		const std::uint16_t* Code = Codes + 4 * Vertex;
-		const float Scene[3] = {Translation[0] + StepM * float(Code[0]), Translation[1] + StepM * float(Code[1]),
-			Translation[2] + StepM * float(Code[2])};
-		PointToUnreal(Scene, Out + 3 * Vertex);
-	}
-}
-
-/// Positions of `Count` vertices from floats of the scene frame, three each.
-inline void PositionsToUnreal(const float* Positions, std::size_t Count, float* Out)
-{
-	for (std::size_t Vertex = 0; Vertex < Count; ++Vertex)
-	{
-		PointToUnreal(Positions + 3 * Vertex, Out + 3 * Vertex);
-	}
-}
-
-/// Unit normals of `Count` vertices from signed bytes, four a vertex (the fourth is padding). A normal of no length points up.
-inline void NormalsToUnreal(const std::int8_t* Normals, std::size_t Count, float* Out)
-{
-	for (std::size_t Vertex = 0; Vertex < Count; ++Vertex)
-	{
-		const std::int8_t* Normal = Normals + 4 * Vertex;
-		const float Scene[3] = {float(Normal[0]), float(Normal[1]), float(Normal[2])};
-		const float Length = std::sqrt(Scene[0] * Scene[0] + Scene[1] * Scene[1] + Scene[2] * Scene[2]);
-		float* Unit = Out + 3 * Vertex;
-		DirectionToUnreal(Scene, Unit);
-		for (int Axis = 0; Axis < 3; ++Axis)
-		{
-			Unit[Axis] = Length > 0.0f ? Unit[Axis] / Length : (Axis == 2 ? 1.0f : 0.0f);
-		}
-	}
-}
-
-/// Texture coordinates of `Count` vertices: two codes and a scale for each axis. V stays as it is.
-inline void UvsToUnreal(const std::uint16_t* Codes, std::size_t Count, const float Scale[2], float* Out)
-{
-	for (std::size_t Vertex = 0; Vertex < Count; ++Vertex)
-	{
-		Out[2 * Vertex] = Scale[0] * float(Codes[2 * Vertex]);
-		Out[2 * Vertex + 1] = Scale[1] * float(Codes[2 * Vertex + 1]);
-	}
-}
-
-/// Corners of `Count` indices. A copy: see the head of the file.
-inline void IndicesToUnreal(const std::uint32_t* Indices, std::size_t Count, std::uint32_t* Out)
-{
-	for (std::size_t Index = 0; Index < Count; ++Index)
-	{
-		Out[Index] = Indices[Index];
+		Out[Axis] = Length > 0.0f ? Out[Axis] / Length : (Axis == 2 ? 1.0f : 0.0f);
 	}
 }
 

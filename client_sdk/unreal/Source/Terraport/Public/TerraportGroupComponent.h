@@ -2,12 +2,14 @@
 
 #include "Components/ActorComponent.h"
 #include "CoreMinimal.h"
+#include "TerraportTypes.h"
 
 #include "TerraportGroupComponent.generated.h"
 
 class ATerraportScene;
 class FTerraportSession;
 class UTerraportUserComponent;
+struct FTerraportGroupNews;
 
 /** Somebody in a group. */
 USTRUCT(BlueprintType)
@@ -156,4 +158,15 @@ public:
 private:
 	/** Null before the scene is open. */
 	FTerraportSession* FindSession();
+	/** An event of the core. */
+	void Take(const FTerraportGroupNews& News);
+	void TellArrival();
+	void Forget();
+
+	FTerraportGroup Group;
+	/** Of the newest gathering. */
+	FTerraportLandOptions Options;
+	/** The landing that the group waits for; 0 for none. */
+	int64 AwaitedLanding = 0;
+	bool bToldDegraded = false;
 };

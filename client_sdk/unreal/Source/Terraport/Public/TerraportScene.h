@@ -2,7 +2,6 @@
 
 #include "CoreMinimal.h"
 #include "GameFramework/Actor.h"
-#include "TerraportMeshBackend.h"
 #include "TerraportSettings.h"
 #include "TerraportTypes.h"
 
@@ -20,9 +19,6 @@ DECLARE_DYNAMIC_MULTICAST_DELEGATE_OneParam(FTerraportLandingEvent, int64, Landi
 DECLARE_DYNAMIC_MULTICAST_DELEGATE_OneParam(FTerraportShownEvent, const FTerraportSwap&, Swap);
 DECLARE_DYNAMIC_MULTICAST_DELEGATE_OneParam(FTerraportFailedEvent, const FTerraportFailure&, Failure);
 DECLARE_DYNAMIC_MULTICAST_DELEGATE_OneParam(FTerraportPickedEvent, const FTerraportPick&, Pick);
-
-/** Gives the present token, at once. */
-DECLARE_DYNAMIC_DELEGATE_RetVal(FString, FTerraportTokenProvider);
 
 /**
  * A surveyed place, streamed: the base mesh of everything, and full detail around the last landing.
@@ -84,17 +80,8 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance", meta = (ClampMin = "1", ClampMax = "16"))
 	int32 DecodeTasks = 2;
 
-	/** Which components draw the meshes. Counts when the scene is opened. */
-	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance")
-	ETerraportMeshes Meshes = ETerraportMeshes::Packed;
-
-	/** Cook collision for whatever is drawn, on task threads: for things that fall and roll. Draws by dynamic meshes. Teleports
-	 * need none, see CastGround; walking needs FeetOf alone. */
-	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance")
-	bool bCollision = false;
-
 	/** Make what is shown solid around this actor (a walking pawn), within FeetReachCm and up to MaxFeetFaces, cooked on the
-	 * engine's threads as it walks: less than bCollision, which cooks all of it. Empty: nobody walks. */
+	 * engine's threads as it walks. Empty: nobody walks. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance")
 	TObjectPtr<AActor> FeetOf;
 
@@ -278,9 +265,6 @@ public:
 	UFUNCTION(BlueprintCallable, BlueprintPure = false, Category = "Terraport")
 	bool SurveyToWorld(const FVector& EastNorthHeightM, FVector& WorldLocation) const;
 
-	/** Draw meshes by another backend than the built-in ones; before Open. Null for the one that Meshes names. */
-	void SetMeshBackend(TSharedPtr<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend);
-
 	/** For the plugin's own components; null while it is closed. */
 	FTerraportSession* GetSession() const { return Session.Get(); }
 
@@ -317,7 +301,6 @@ private:
 
 	/** Shared with Tick alone, so that a listener may close the scene from within an event. */
 	TSharedPtr<FTerraportSession> Session;
-	TSharedPtr<ITerraportMeshBackend, ESPMode::ThreadSafe> CustomBackend;
 
 	/** Where the preview has landed last. */
 	TOptional<FVector> PreviewedAt;

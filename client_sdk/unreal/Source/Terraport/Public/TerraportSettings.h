@@ -56,18 +56,6 @@ struct TERRAPORT_API FTerraportBudgets
 	static FTerraportBudgets For(ETerraportDevice Device);
 };
 
-/** How meshes are drawn (docs/decisions/engine-rendering.md). */
-UENUM(BlueprintType)
-enum class ETerraportMeshes : uint8
-{
-	/** UTerraportGroundComponent: packed, on the graphics alone; up to 16 pieces a component, shown and hidden without a new
-	 * render state. */
-	Packed,
-	/** UDynamicMeshComponent: for projects that go on with Geometry Script, and whatever Collision is set. Some eight times the
-	 * memory, and showing makes render states in the frame of the swap. */
-	Dynamic,
-};
-
 /** How vertex colours are coded for the material's Vertex Color node. */
 UENUM(BlueprintType)
 enum class ETerraportVertexColours : uint8

@@ -4,6 +4,9 @@
 
 #include "TerraportTypes.generated.h"
 
+/** Gives the present token, at once. */
+DECLARE_DYNAMIC_DELEGATE_RetVal(FString, FTerraportTokenProvider);
+
 /** Where the connection stands. */
 UENUM(BlueprintType)
 enum class ETerraportLink : uint8
