@@ -1,6 +1,6 @@
 /** What a landing adds to the base, in numbers. PURE. */
 
-import type { MeshData, Vec3 } from "../core/types.ts";
+import type { MeshData } from "../core/types.ts";
 import { hasFace } from "./face-set.ts";
 
 /** Full detail and the base that it replaces. */
@@ -18,34 +18,38 @@ export function pointSpacingM(areaM2: number, faces: number): number {
 }
 
 /**
- * The gain of what is shown; null where no face of the base is hidden within the radius.
+ * The gain of what is shown; null where no face of the base is hidden under full detail.
  *
- * @param hidden - bit set of the base faces that are not drawn. Only those within `radiusM` of `centre` count: beyond it
+ * @param hidden - bit set of the base faces that are not drawn. Only those whose middle lies under full detail count: beyond it
  *   the coarser level is shown.
- * @param detailFaces - faces of the segments at full detail. Those at the rim extend beyond the hidden faces by part of a
- *   segment: the gain of a small landing comes out a little too high.
+ * @param full - segments at full detail. Those at the rim extend beyond the hidden faces by part of a segment: the gain of a
+ *   small landing comes out a little too high.
  */
 export function gainOf(
   base: MeshData,
   hidden: Uint8Array,
-  centre: Vec3,
-  radiusM: number,
-  detailFaces: number,
+  full: readonly Pick<MeshData, "bounds" | "faceCount">[],
 ): Gain | null {
   const { positions, indices, stepM, translation } = base;
   const stride = positions instanceof Uint16Array ? 4 : 3;
   const corner = (at: number, axis: number) => positions[indices[at]! * stride + axis]! * stepM + translation[axis]!;
+  const isUnder = (x: number, z: number) =>
+    full.some(({ bounds: b }) => x >= b[0] && x <= b[3] && z >= b[2] && z <= b[5]);
   let baseFaces = 0;
   let doubled = 0;
   for (let face = 0; face < base.faceCount; face += 1) {
     if (!hasFace(hidden, face)) continue;
     const at = 3 * face;
-    const [x, y, z] = [0, 1, 2].map((axis) => corner(at, axis)) as [number, number, number];
-    if (Math.hypot(x - centre[0], y - centre[1], z - centre[2]) > radiusM) continue;
-    const [ux, uy, uz] = [corner(at + 1, 0) - x, corner(at + 1, 1) - y, corner(at + 1, 2) - z];
-    const [vx, vy, vz] = [corner(at + 2, 0) - x, corner(at + 2, 1) - y, corner(at + 2, 2) - z];
+    const [a, b, c] = [0, 1, 2].map((one) => [0, 1, 2].map((axis) => corner(at + one, axis))) as [Xyz, Xyz, Xyz];
+    if (!isUnder((a[0] + b[0] + c[0]) / 3, (a[2] + b[2] + c[2]) / 3)) continue;
+    const [ux, uy, uz] = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
+    const [vx, vy, vz] = [c[0] - a[0], c[1] - a[1], c[2] - a[2]];
     doubled += Math.hypot(uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx);
     baseFaces += 1;
   }
-  return baseFaces === 0 ? null : { detailFaces, baseFaces, areaM2: doubled / 2 };
+  if (baseFaces === 0) return null;
+  const detailFaces = full.reduce((sum, { faceCount }) => sum + faceCount, 0);
+  return { detailFaces, baseFaces, areaM2: doubled / 2 };
 }
+
+type Xyz = [number, number, number];

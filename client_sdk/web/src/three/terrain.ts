@@ -532,10 +532,7 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
   gain(): Gain | null {
     const { hidden } = this.#base;
     if (hidden === undefined) return null;
-    const { position, radiusM, plan } = this.status;
-    const full = this.#grounds.shownAtFullDetail;
-    const faces = [...full.values()].reduce((sum, ground) => sum + ground.faceCount, 0);
-    return gainOf(this.#files.base, hidden, position, plan?.effectiveRadiusM ?? radiusM, faces);
+    return gainOf(this.#files.base, hidden, [...this.#grounds.shownAtFullDetail.values()]);
   }
 
   /** Lay what strokes have taught over the ground; null takes it away. */

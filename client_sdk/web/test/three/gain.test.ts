@@ -14,20 +14,23 @@ const BASE = {
   indices: Uint16Array.from([0, 2, 1, 1, 2, 3, 1, 3, 4]),
 } as unknown as MeshData;
 
+/** A segment over the square. */
+const SQUARE = { faceCount: 400, bounds: [10, 0, 0, 12, 1, 2] } as const;
+
 test("counts the hidden faces and their area", () => {
-  expect(gainOf(BASE, Uint8Array.of(0b011), [11, 0, 1], 5, 800)).toEqual({
+  expect(gainOf(BASE, Uint8Array.of(0b011), [SQUARE, SQUARE])).toEqual({
     detailFaces: 800,
     baseFaces: 2,
     areaM2: 4,
   });
 });
 
-test("counts only hidden faces within the radius of full detail", () => {
-  expect(gainOf(BASE, Uint8Array.of(0b111), [10, 0, 0], 1, 800)?.baseFaces).toBe(1);
+test("counts only hidden faces under full detail", () => {
+  expect(gainOf(BASE, Uint8Array.of(0b111), [SQUARE])).toMatchObject({ detailFaces: 400, baseFaces: 2 });
 });
 
 test("is null where nothing is hidden", () => {
-  expect(gainOf(BASE, new Uint8Array(1), [11, 0, 1], 5, 800)).toBeNull();
+  expect(gainOf(BASE, new Uint8Array(1), [SQUARE])).toBeNull();
 });
 
 test("says how far points are apart", () => {
