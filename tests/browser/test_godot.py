@@ -24,6 +24,7 @@ from browser.watched_page import Watch
 from conformance.landings_generate import THEMES
 from conformance.landings_steps import CORPUS, read_histories
 from engines.programs import ThreadedProxy
+from eventually import eventually
 from faults.service import Service
 from playwright.sync_api import Browser, Page
 from server.grid_scene import write_grid_scene
@@ -285,6 +286,15 @@ def test_past_the_deadline_the_inner_part_is_shown_first(godot: Engine, grids: S
         whole = godot.call("until_shown", first, 2)
     assert 0 < len(inner["visible"]) < len(whole["visible"]) == 36
     assert inner["hidden"] != whole["hidden"]
+
+
+def test_a_refused_landing_changes_nothing(godot: Engine, grids: Service) -> None:
+    godot.open(grids.url, "grid")
+    before = godot.land(*NEAR)
+    godot.call("begin_landing", 30, 1, 30, 1e6)
+    eventually(lambda: godot.events("refused") == ["radius_too_large"], 60)
+    assert godot.call("state")["visible"] == before["visible"]
+    assert godot.land(*HERE)["visible"] != before["visible"]
 
 
 def test_what_a_landing_left_is_freed(godot: Engine, grids: Service) -> None:
