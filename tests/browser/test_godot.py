@@ -6,6 +6,7 @@ import base64
 import itertools
 import json
 import random
+import shutil
 import time
 import zlib
 from collections.abc import Callable, Iterator
@@ -31,6 +32,7 @@ from server.grid_scene import write_grid_scene
 
 import terraport.sync
 from terraport_payload import Texture, decode_segment, encode_segment
+from terraport_pipeline.demo_scenes import SHIPPED_ID, shipped_scene
 from terraport_pipeline.engines.ktx2 import encode_ktx2
 
 OpenPage = Callable[..., tuple[Page, Watch]]
@@ -370,6 +372,27 @@ def test_landings_look_as_in_the_viewer(
     # A picture of another place is found; so is one that is a little darker.
     assert apart(pictures[0], pictures[2]).mean > 2.0
     assert apart(pictures[0], ((pictures[0][0] * 0.97).astype(np.uint8), pictures[0][1])).mean > 2.0
+
+
+def test_places_are_those_of_the_python_sdk(godot: Engine, tmp_path: Path) -> None:
+    """Regions that people have named are places to land at."""
+    scene = Path(shutil.copytree(shipped_scene(), tmp_path / SHIPPED_ID))
+    (regions,) = scene.glob("v-*/regions.json")
+    rows = json.loads(regions.read_text())["regions"][:2]
+    labels = [{"stable_id": row["stable_id"], "label": f"Grube {row['id']}"} for row in rows]
+    document = {"format": "terraport-labels", "format_version": "1.0", "labels": labels}
+    (scene / "labels.json").write_text(json.dumps(document))
+    with Service(tmp_path) as service:
+        godot.open(service.url, SHIPPED_ID)
+        found = {place[0]: place[1:] for place in godot.call("places")}
+        with terraport.sync.connect(f"{service.url}/scenes/{SHIPPED_ID}") as session:
+            expected = session.places()
+    assert {"Grube 0", "Grube 1"} <= found.keys() == {place.label for place in expected}
+    for place in expected:
+        region, *position, radius_m = found[place.label]
+        assert region == place.region
+        assert position == pytest.approx(place.position, abs=0.01)
+        assert radius_m == pytest.approx(place.radius_m)
 
 
 def test_every_look_is_drawn(godot: Engine, server: Service) -> None:

@@ -85,6 +85,12 @@ func pick(x: float, y: float, z: float) -> Dictionary:
 	return hit
 
 
+func places() -> Array:
+	return (await terrain.places()).map(func(place: Dictionary) -> Array:
+		return [place.label, place.region, place.position.x, place.position.y, place.position.z,
+				place.radius_m])
+
+
 func set_look(look: int) -> void:
 	terrain.look = look
 

@@ -317,6 +317,29 @@ func fetch_json(name: String) -> Dictionary:
 	return _parsed(await _fetch(_server_url() + manifest.links[name]))
 
 
+## Fetch the regions that have a name, the largest first: label, region, position, radius_m. Land at
+## a position to see its region.
+func places() -> Array[Dictionary]:
+	var regions: Array = (await fetch_json("regions")).get("regions", [])
+	var names := {}
+	for row: Dictionary in (await fetch_json("labels")).get("labels", []):
+		names[row.stable_id] = row.label
+	var found: Array[Dictionary] = []
+	for region: Dictionary in regions:
+		var label: Variant = names.get(region.get("stable_id"), region.get("label"))
+		var view: Dictionary = region.get("place", {})
+		var stands: Array = view.get("position", region.get("centroid", []))
+		if label is String and label != "" and stands.size() == 3:
+			found.append({
+				"label": label, "region": int(region.id), "area_m2": region.get("area_m2", 0.0),
+				"position": to_global(Vector3(stands[0], stands[1], stands[2])),
+				"radius_m": view.get("radius_m", radius_m),
+			})
+	found.sort_custom(
+			func(one: Dictionary, other: Dictionary) -> bool: return one.area_m2 > other.area_m2)
+	return found
+
+
 ## Return the payload bytes received, and those received although they were in memory.
 func stats() -> Dictionary:
 	return {} if _session == null else {
