@@ -71,6 +71,18 @@ def test_images_colours_and_attributes_are_those_of_the_python_sdk(
     assert any(mesh.texture is not None for mesh in meshes.values()) == (scene == "axes")
 
 
+def test_a_segment_that_cannot_be_drawn_is_left_out(unity: Unity, server: Service) -> None:
+    """As an image in a format that the engine does not read."""
+    url = f"{server.url}/scenes/axes"
+    _, meshes = land_with_sdk(url, [(0, 1, 0, 50)])
+    plain = sorted(segment for segment, mesh in meshes.items() if mesh.texture is None)
+    visit = unity.land(url, "land:0,1,0,50", images=0)
+    assert visit.shown == [plain]
+    assert 0 < len(plain) < len(meshes)
+    assert {event["code"] for event in visit.of("failed")} == {"unsupported_image"}
+    assert visit.of("ready")[-1]["missing"] == sorted(set(meshes) - set(plain))
+
+
 def test_a_walk_shows_and_hides_what_the_python_sdk_does(unity: Unity, server: Service) -> None:
     url = f"{server.url}/scenes/grid"
     walk = [(5.0 * step, 1.0, 7.0 * step % 55, 6.0 + step * 5 % 23) for step in range(12)]
@@ -162,6 +174,28 @@ def test_a_refused_landing_is_reported_and_the_next_one_goes_on(
     visit = unity.land(f"{server.url}/scenes/grid", "land:0,1,0,100000", "land:5,1,5,3")
     assert [one["code"] for one in visit.of("failed")] == ["radius_too_large"]
     assert (visit.failure, len(visit.shown)) == (None, 1)
+
+
+def test_addresses_in_every_form_that_users_paste(unity: Unity, server: Service) -> None:
+    host = server.url.removeprefix("http://")
+    for url in (
+        f"ws://{host}/scenes/grid/stream",
+        f"{server.url}/scenes/grid/",
+        f" {server.url}/scenes/grid",
+    ):
+        assert unity.land(url, "land:5,1,5,3").failure is None, url
+    for url, code in {
+        server.url: "several_scenes",
+        f"http://me:secret@{host}/scenes/grid": "invalid_url",
+        f"{server.url}/scenes/grid?token=secret": "invalid_url",
+        f"{server.url}/scenes/a/b": "invalid_url",
+        host: "invalid_url",
+        "http://127.0.0.1:9/scenes/grid": "unreachable",
+    }.items():
+        failure = unity.land(url, "land:5,1,5,3").failure
+        assert failure is not None
+        assert failure.startswith(f"{code}: "), failure
+        assert "secret" not in failure
 
 
 def test_a_coarser_level_is_shown_in_a_ring(unity: Unity, server: Service) -> None:

@@ -10,10 +10,17 @@ namespace Terraport.Tools
         private readonly Dictionary<ulong, MeshArrays> uploaded = new Dictionary<ulong, MeshArrays>();
         private readonly HashSet<ulong> asked = new HashSet<ulong>();
         private readonly IReadOnlyList<AttributeInfo> scales;
+        private readonly bool readsImages;
         private byte[] prepared, drawnHidden = new byte[0];
         private int slices, baseSlices;
 
-        public RecordingRenderer(IReadOnlyList<AttributeInfo> scales) { this.scales = scales; }
+        /// <param name="scales">The scene's attributes.</param>
+        /// <param name="readsImages">False: segments with images are refused, as by an engine that cannot read their format.</param>
+        public RecordingRenderer(IReadOnlyList<AttributeInfo> scales, bool readsImages)
+        {
+            this.scales = scales;
+            this.readsImages = readsImages;
+        }
 
         /// <summary>Swaps that showed a landing.</summary>
         public int Swaps { get; private set; }
@@ -40,6 +47,7 @@ namespace Terraport.Tools
 
         public void Upload(ulong key, object mesh)
         {
+            if (!readsImages && ((MeshArrays)mesh).Uvs != null) throw new TerraportException("unsupported_image", "got an image");
             if (uploaded.ContainsKey(key)) Faults.Add("second upload of segment " + key.ToString("x16"));
             uploaded[key] = (MeshArrays)mesh;
         }

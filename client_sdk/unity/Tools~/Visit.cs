@@ -17,7 +17,7 @@ namespace Terraport.Tools
         public const string Usage = "       terraport-tools land --scene URL [--NAME VALUE ...] STEP ...\n"
             + "  --token T  --token-file PATH (read again for each connection)  --max-triangles N  --max-bytes N  --max-segments N\n"
             + "  --cache-bytes N  --credit-bytes N  --spare-bytes N  --disk FOLDER  --disk-bytes N  --decode-threads N  --timeout-s S\n"
-            + "  --ring 0|1  --dump FOLDER (normals of what is shown)\n"
+            + "  --ring 0|1  --images 0|1  --dump FOLDER (normals of what is shown)\n"
             + "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS] (until shown)  start:... (until planned)  wait (until shown and answered)  "
             + "aim:X,Y,Z,RADIUS\n"
             + "       pick:X,Y,Z[,DX,DY,DZ]  stand:X,Y,Z (height and segment of the ground shown)  pause:MS  reconnect[:TOKEN]\n"
@@ -34,10 +34,10 @@ namespace Terraport.Tools
         private readonly double timeoutS;
         private string failure, refusal, closed;
 
-        private Visit(SceneFiles files, SceneClientOptions options, double timeoutS)
+        private Visit(SceneFiles files, SceneClientOptions options, double timeoutS, bool readsImages)
         {
             this.timeoutS = timeoutS;
-            renderer = new RecordingRenderer(files.Manifest.Attributes);
+            renderer = new RecordingRenderer(files.Manifest.Attributes, readsImages);
             client = new SceneClient(options, files, renderer, 24);
             follower = new GroupFollower(client);
             client.Planned += plan => Note("planned", plan.Landing, "load_bytes", plan.LoadBytes, "total_bytes", plan.TotalBytes,
@@ -51,7 +51,8 @@ namespace Terraport.Tools
             client.Picked += (request, hit) => picks.Add(hit == null ? null : ShownMessage.FieldsOf(hit));
             client.Failed += error =>
             {
-                refusal = error.Code;
+                // A segment that cannot be drawn does not end the landing.
+                if (client.Status.Phase == LandingPhase.Refused) refusal = error.Code;
                 Note("failed", 0, "code", error.Code);
             };
             client.LinkChanged += link =>
@@ -92,7 +93,7 @@ namespace Terraport.Tools
             try
             {
                 SceneFiles files = SceneFiles.LoadAsync(named["scene"], options.Token(), new SystemHttp()).GetAwaiter().GetResult();
-                visit = new Visit(files, options, Number(named, "timeout-s") ?? 60);
+                visit = new Visit(files, options, Number(named, "timeout-s") ?? 60, Number(named, "images") != 0);
                 foreach (string step in arguments.Skip(at)) visit.Take(step);
                 failed = visit.failure;
             }
