@@ -37,18 +37,23 @@ from websockets.exceptions import WebSocketException
 from websockets.typing import Subprotocol
 
 from terraport_wire import (
+    SUBPROTOCOL,
     Budgets,
     Credit,
     Direction,
     Error,
     Gather,
+    Hello,
     Join,
+    Land,
     Message,
     Pick,
+    Prefetch,
+    Ready,
+    decode,
     encode,
     is_payload,
 )
-from terraport_wire.protocol_2 import SUBPROTOCOL, Hello, Land, Prefetch, Ready, decode
 
 ROOT = Path(__file__).resolve().parents[1]
 PORT = 8443

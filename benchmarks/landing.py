@@ -52,16 +52,19 @@ from terraport_server.session.interface import (
     SendMessage,
     SessionLimits,
 )
-from terraport_server.session.session_2 import Session2
+from terraport_server.session.session import Session
 from terraport_store import PackedRTree
-from terraport_wire import MAX_CHUNK_BYTES, Budgets, Direction, encode
-from terraport_wire.protocol_2 import (
+from terraport_wire import (
     FRAME_HEADER_BYTES,
     KEY_DTYPE,
+    MAX_CHUNK_BYTES,
+    Budgets,
+    Direction,
     Hello,
     Land,
     Plan,
     decode,
+    encode,
 )
 
 PLENTY = 1 << 40
@@ -339,9 +342,9 @@ def measure_plan(size: Size) -> dict[str, Any]:
     # One base face under each segment.
     cover = Cover(np.arange(count + 1, dtype=np.uint32), np.arange(count, dtype=np.uint32))
     hidden = HiddenFaces(cover, count)
-    view = SceneView("pit", "1", "pit", {"segment-2": table}, tree.within, hidden_faces=hidden)
+    view = SceneView("pit", "1", "pit", table, tree.within, hidden)
     limits = SessionLimits(max_messages_per_s=1e9)
-    session = Session2(view, limits, session_id="benchmark", now_s=0.0)
+    session = Session(view, limits, session_id="benchmark", now_s=0.0)
     session.receive(Hello(client="benchmark", budgets=Budgets(), credit_bytes=PLENTY), 0.0)
     session.next_action()
     # From the bytes of `land` to those of `plan`; the first ten landings warm the caches.

@@ -51,7 +51,7 @@ from parts.random_scene import TILE_M, write_random_scene
 from parts.service_process import ServiceProcess, free_port
 
 import terraport
-from terraport_wire.protocol_2 import Plan
+from terraport_wire import Plan
 
 TOOLS: Final = Path(__file__).resolve().parents[2] / "shared" / "tools"
 SIDE: Final = 30

@@ -40,8 +40,7 @@ from server.plain_client import Piece, PlainClient
 
 from terraport_store.origin import ObjectOptions
 from terraport_store.upload import upload_scene
-from terraport_wire import Credit
-from terraport_wire.protocol_2 import Ready
+from terraport_wire import Credit, Ready
 
 DELAY_S = 0.02
 

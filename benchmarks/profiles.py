@@ -8,7 +8,7 @@
 
 Lands at the middles of segments, with the radius and the bounds of such a device
 (docs/topics/profiles.md), each as the first one, by the service's own selection. Told are the
-payload's bytes and what the landing takes on a GPU (spec/wire-protocol.md, section 6.2), beside the
+payload's bytes and what the landing takes on a GPU (spec/protocol.md, section 4), beside the
 share that a client leaves for one: the device's, less an eighth, less the base, and half of that.
 
 Fails (exit status 1) where a landing takes more than its bounds, or its share.
@@ -25,10 +25,10 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from terraport_server.session.planner import Budgets, gpu_bytes, select
 
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.session.interface import SegmentTable
-from terraport_server.session.planner import Budgets, gpu_bytes, select
 
 CORPUS: Final = Path(__file__).resolve().parents[1] / "tests" / "conformance" / "scene"
 SEED: Final = 23
@@ -78,7 +78,7 @@ def main() -> int:
 
 def fits(served: ServedScene, device: Device, landings: int) -> bool:
     """Land, print, and tell whether everything stays within the device's bounds."""
-    table = served.view.encodings["segment-2"]
+    table = served.view.table
     rows = np.arange(table.segment_count)
     share = landing_share(served, device)
     # Bounded by nothing: told is what the ground takes there, not what a bound left of it.

@@ -42,8 +42,7 @@ from parts.service_process import ServiceProcess, free_port, listening
 from terraport_store import Scene
 from terraport_store.origin import ObjectOptions
 from terraport_store.upload import upload_scene
-from terraport_wire import Direction
-from terraport_wire.protocol_2 import Plan, decode
+from terraport_wire import Direction, Plan, decode
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from s3_servers import s3_environment, weed_server

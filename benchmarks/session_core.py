@@ -22,10 +22,19 @@ from terraport_server.session.interface import (
     SendChunk,
     SessionLimits,
 )
-from terraport_server.session.session_2 import Session2
+from terraport_server.session.session import Session
 from terraport_store.packed_rtree import PackedRTree
-from terraport_wire import Budgets, Direction, encode
-from terraport_wire.protocol_2 import KEY_DTYPE, MAX_HAVE, Hello, Land, Plan, decode
+from terraport_wire import (
+    KEY_DTYPE,
+    MAX_HAVE,
+    Budgets,
+    Direction,
+    Hello,
+    Land,
+    Plan,
+    decode,
+    encode,
+)
 
 SIDE = 1000
 SESSIONS = 300
@@ -53,16 +62,16 @@ def scene_of_a_million() -> SceneView:
         id="m",
         version="v",
         name="M",
-        encodings={"segment-2": table},
+        table=table,
         within=within,
         hidden_faces=HiddenFaces(cover, count),
     )
 
 
-def opened(scene: SceneView) -> Session2:
+def opened(scene: SceneView) -> Session:
     """Return a session that was welcomed."""
     limits = SessionLimits(max_messages_per_s=1e9, max_credit_bytes=PLENTY)
-    session = Session2(scene, limits, session_id="s", now_s=0.0)
+    session = Session(scene, limits, session_id="s", now_s=0.0)
     session.receive(Hello(client="", budgets=Budgets(), credit_bytes=PLENTY), 0.0)
     while session.next_action() is not None:
         pass
@@ -81,7 +90,7 @@ def make_land(radius_m: float, have: int) -> Land:
     )
 
 
-def land(session: Session2, radius_m: float) -> tuple[Plan | None, float, int]:
+def land(session: Session, radius_m: float) -> tuple[Plan | None, float, int]:
     """Land and take everything; return the plan, the seconds for chunks, and their number."""
     session.receive(make_land(radius_m, 0), 0.0)
     plan, chunks = None, 0

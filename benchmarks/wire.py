@@ -16,14 +16,16 @@ from functools import partial
 
 import numpy as np
 
-from terraport_wire import MAX_CHUNK_BYTES, Message, encode
-from terraport_wire.protocol_2 import (
+from terraport_wire import (
     KEY_DTYPE,
+    MAX_CHUNK_BYTES,
     SEGMENT_DTYPE,
     Land,
+    Message,
     Plan,
     decode,
     decode_frame,
+    encode,
     frame_header,
 )
 

@@ -15,8 +15,7 @@ from containers import Container
 from websockets.asyncio.client import connect as connect_websocket
 
 import terraport
-from terraport_wire import Budgets, encode
-from terraport_wire.protocol_2 import SUBPROTOCOL, Hello
+from terraport_wire import SUBPROTOCOL, Budgets, Hello, encode
 
 __all__ = ["check_groups", "check_landings", "check_restart", "check_survivor"]
 

@@ -15,8 +15,15 @@ import time
 from attacks.messages import corpus_messages
 from attacks.mutation import mutate
 
-from terraport_wire import DecodeError, Direction, Unknown, encode
-from terraport_wire.protocol_2 import decode, decode_frame, frame_header
+from terraport_wire import (
+    DecodeError,
+    Direction,
+    Unknown,
+    decode,
+    decode_frame,
+    encode,
+    frame_header,
+)
 
 SLOWEST_S = 1.0
 

@@ -19,17 +19,21 @@ from websockets.http11 import Response
 from websockets.typing import Subprotocol
 from websockets.uri import parse_uri
 
-from terraport_wire import Budgets, Credit, Direction, Message, encode
-from terraport_wire.protocol_2 import (
+from terraport_wire import (
     FRAME_HEADER_BYTES,
     KEY_DTYPE,
     SUBPROTOCOL,
+    Budgets,
+    Credit,
+    Direction,
     Hello,
     Land,
+    Message,
     Plan,
     Ready,
     Welcome,
     decode,
+    encode,
 )
 
 __all__ = ["PLENTY", "DrainClient"]

@@ -1,4 +1,4 @@
-"""What a plan must be, by brute force and straight from spec/protocol-2.md, section 4.
+"""What a plan must be, by brute force and straight from spec/protocol.md, section 4.
 
 Written without looking at the server's way of doing it (no tree, no shared code): every box, one
 loop, in the specification's words. It finds what a shared helper would hide.
@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from terraport_store import SegmentIndex
-from terraport_wire.protocol_2 import FOLLOWS, Land, Plan
+from terraport_wire import FOLLOWS, Land, Plan
 
 __all__ = ["differences", "expect"]
 

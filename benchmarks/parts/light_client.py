@@ -27,26 +27,24 @@ from websockets.uri import parse_uri
 
 from terraport_store import SegmentIndex
 from terraport_wire import (
+    MAX_HAVE,
     MAX_PLAN_SEGMENTS,
+    SUBPROTOCOL,
     Budgets,
     Credit,
     Direction,
-    Message,
-    Notice,
-    encode,
-    is_payload,
-)
-from terraport_wire.protocol_2 import (
-    MAX_HAVE,
-    SUBPROTOCOL,
     Frame,
     Hello,
     Land,
+    Message,
+    Notice,
     Plan,
     Ready,
     Welcome,
     decode,
     decode_frame,
+    encode,
+    is_payload,
 )
 
 __all__ = ["Findings", "LightClient", "LostError", "ReadyLanding"]

@@ -23,7 +23,7 @@ from terraport_server.session.interface import (
     SendMessage,
     SessionLimits,
 )
-from terraport_server.session.session_2 import Session2
+from terraport_server.session.session import Session
 from terraport_wire import (
     CLOSE_CODES,
     MAX_CHUNK_BYTES,
@@ -32,9 +32,9 @@ from terraport_wire import (
     Direction,
     Error,
     ErrorCode,
+    decode,
     encode,
 )
-from terraport_wire.protocol_2 import decode
 
 __all__ = ["CoreRun", "fuzz_core"]
 
@@ -74,7 +74,7 @@ def make_view(seed: int) -> SceneView:
         id="fuzz",
         version="v",
         name="Fuzz",
-        encodings={"segment-2": table},
+        table=table,
         within=lambda centre, radius_m: np.flatnonzero(
             box_distances_m(table.bounds, centre) <= radius_m
         ),
@@ -85,7 +85,7 @@ def make_view(seed: int) -> SceneView:
 def fuzz_core(corpus: Corpus, draw: random.Random, view: SceneView, run: CoreRun) -> None:
     """One session, from hello to close; raises AssertionError, or whatever escapes the core."""
     limits = SessionLimits(max_messages_per_s=1e9, max_plan_segments=draw.choice([16_384, 7]))
-    session = Session2(view, limits, session_id="f", now_s=0.0)
+    session = Session(view, limits, session_id="f", now_s=0.0)
     now_s, closes = 0.0, 0
     run.sessions += 1
     first = encode(sensible_hello(draw))
@@ -124,7 +124,7 @@ def take_alone(data: bytes, view: SceneView, run: CoreRun) -> None:
     """One message to a session that is open, and one to a session that waits for hello."""
     draw = random.Random(0)
     for greeted in (True, False):
-        session = Session2(view, SessionLimits(), session_id="f", now_s=0.0)
+        session = Session(view, SessionLimits(), session_id="f", now_s=0.0)
         if greeted:
             hello = sensible_hello(random.Random(1))
             _take(session, encode(hello), 0.0, run)
@@ -132,7 +132,7 @@ def take_alone(data: bytes, view: SceneView, run: CoreRun) -> None:
         _act(session, draw, 0.0, run, most=1000)
 
 
-def _take(session: Session2, data: bytes, now_s: float, run: CoreRun) -> None:
+def _take(session: Session, data: bytes, now_s: float, run: CoreRun) -> None:
     run.messages += 1
     try:
         message = decode(data, Direction.CLIENT_TO_SERVER)
@@ -144,7 +144,7 @@ def _take(session: Session2, data: bytes, now_s: float, run: CoreRun) -> None:
 
 
 def _act(
-    session: Session2,
+    session: Session,
     draw: random.Random,
     now_s: float,
     run: CoreRun,
@@ -159,15 +159,13 @@ def _act(
             break
         assert not closes, f"{action} after the close"
         if isinstance(action, SendChunk):
-            transfers = session.transfers
-            assert transfers is not None
-            assert 0 < action.length <= min(MAX_CHUNK_BYTES, transfers.credit_bytes)
+            assert 0 < action.length <= min(MAX_CHUNK_BYTES, session.credit_bytes)
             assert action.offset + action.length <= action.total
             if draw.random() < 0.03:
-                session.payload_failed(action, now_s)
+                session.payload_failed(now_s)
             else:
                 session.chunks_sent([action], now_s)
-            assert transfers.credit_bytes >= 0
+            assert session.credit_bytes >= 0
             run.chunks += 1
         elif isinstance(action, SendMessage):
             _check_answer(action)

@@ -43,7 +43,7 @@ _LEAKS: Final = ("Traceback", "site-packages", "/terraport_server/", "uvicorn", 
 
 _PATHS: Final = (
     "/", "/healthz", "/readyz", "/metrics", "/docs", "/openapi.json", "/scenes", "/scenes/pit",
-    "/scenes/pit/base.tsg", "/scenes/pit/base.glb", "/scenes/pit/base.cover",
+    "/scenes/pit/base.tsg", "/scenes/pit/base.glb",
     "/scenes/pit/regions.json",
     "/scenes/pit/labels.json", "/scenes/pit/segments/0.glb", "/scenes/pit/segments/99999.glb",
     "/scenes/pit/segments/-1.glb", "/scenes/pit/segments/1e9.glb", "/scenes/pit/report",

@@ -17,8 +17,7 @@ import msgpack
 import numpy as np
 from attacks.mutation import mutate
 
-from terraport_wire import Budgets, Bye, Credit, Message, Pick
-from terraport_wire.protocol_2 import KEY_DTYPE, Hello, Land, Prefetch
+from terraport_wire import KEY_DTYPE, Budgets, Bye, Credit, Hello, Land, Message, Pick, Prefetch
 
 __all__ = ["Corpus", "corpus_messages", "sensible", "sensible_hello"]
 

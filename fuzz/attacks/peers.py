@@ -16,8 +16,7 @@ from typing import Any, Final, Self
 
 import msgpack
 
-from terraport_wire import CloseCode, ErrorCode, is_payload
-from terraport_wire.protocol_2 import SUBPROTOCOL
+from terraport_wire import SUBPROTOCOL, CloseCode, ErrorCode, is_payload
 
 __all__ = ["ANSWER_S", "Answers", "HangError", "HostilePeer", "frame"]
 

@@ -13,8 +13,7 @@ import numpy as np
 from attacks.strangers import Attack, Going
 from parts.drain_client import DrainClient
 
-from terraport_wire import Message, Pick, Picked
-from terraport_wire.protocol_2 import KEY_DTYPE, MAX_HAVE, Land, Plan, Prefetch
+from terraport_wire import KEY_DTYPE, MAX_HAVE, Land, Message, Pick, Picked, Plan, Prefetch
 
 __all__ = ["PLAN_ATTACKS", "StalledClient"]
 

@@ -22,8 +22,17 @@ from attacks.requests import flood
 from attacks.strangers import Attack, Going, hold, upgrade_request
 from parts.drain_client import DrainClient
 
-from terraport_wire import MAX_INTEGER, Credit, Message, Pick, encode
-from terraport_wire.protocol_2 import KEY_DTYPE, MAX_HAVE, MAX_WITHOUT, Land
+from terraport_wire import (
+    KEY_DTYPE,
+    MAX_HAVE,
+    MAX_INTEGER,
+    MAX_WITHOUT,
+    Credit,
+    Land,
+    Message,
+    Pick,
+    encode,
+)
 
 __all__ = ["TABLE_ATTACKS", "TABLE_CLIENT_ATTACKS", "TABLE_STRANGER_ATTACKS"]
 
@@ -46,7 +55,7 @@ _ENDLESS: Final[dict[str, tuple[bytes, bytes]]] = {
     "fragments of a byte": (b"", _BEGIN + _CONT * 4000),
     "pings between fragments": (b"", _BEGIN + (_CONT + frame(PING, b"")) * 2000),
     "compressed frames": (b"", frame(BINARY, b"\x81\xa4type\xa3bye", rsv=4) * 100),
-    "hellos of 400 KB": (b"", frame(BINARY, bytes(400_000))),
+    "hellos of 60 KB": (b"", frame(BINARY, bytes(60_000))),
 }  # fmt: skip
 """First bytes, and those that are sent as long as the connection lives. Without first ones: of a
 WebSocket, but for "pipelined bodies"."""

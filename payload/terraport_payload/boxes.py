@@ -31,8 +31,8 @@ def box_distances_m(bounds: Float32, centre: Sequence[float] | Float64) -> Float
 
     Notes
     -----
-    Order of the sum, float64 throughout and no fused multiply-add: ``spec/wire-protocol.md``,
-    section 6.1. A client that computes a plan by itself gets the same ids in the same order.
+    Order of the sum, float64 throughout and no fused multiply-add: ``spec/protocol.md``,
+    section 4, rule 1. A client that computes a plan by itself gets the same ids in the same order.
 
     Examples
     --------

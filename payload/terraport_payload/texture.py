@@ -178,7 +178,7 @@ def texel_bits(data: bytes | memoryview) -> int:
 def gpu_texture_bytes(textures: UInt16) -> UInt64:
     """Reckon what textures take on a GPU, all levels down to 1 x 1 included.
 
-    spec/wire-protocol.md, section 6.2.
+    spec/protocol.md, section 4.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from terraport_server.http.viewer import read_viewer, viewer_routes
 from terraport_server.limits import DEFAULT_LIMITS, Limits
 from terraport_server.service import Service
 from terraport_server.settings import Settings
-from terraport_wire import PROTOCOL
+from terraport_wire import SUBPROTOCOL
 
 __all__ = ["create_app"]
 
@@ -74,7 +74,7 @@ def create_app(settings: Settings, limits: Limits = DEFAULT_LIMITS) -> FastAPI:
         title="terraport",
         summary="Scenes for landings: base mesh, segments, and a stream",
         # The protocol's version; that of the software would help attackers.
-        version=f"{PROTOCOL[0]}.{PROTOCOL[1]}",
+        version=SUBPROTOCOL.split(".")[1],
         lifespan=lifespan,
         docs_url="/docs" if settings.serves_docs else None,
         openapi_url="/openapi.json" if settings.serves_docs else None,

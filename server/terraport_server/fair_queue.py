@@ -154,10 +154,6 @@ class PlanQueue:
         if not self._has_run:
             self._run_next()
 
-    def charge(self, client: str, began_s: float) -> None:
-        """Charge the CPU time since a moment of ``thread_time``."""
-        self._charge(self._waiting.account(client), thread_time() - began_s)
-
     def _charge(self, account: Account, took_s: float) -> None:
         now_s = monotonic()
         account.charge(took_s, now_s)

@@ -85,16 +85,10 @@ class Metrics:
         self.payload_bytes = self._counter("payload_bytes", "Payload bytes sent", ["kind"])
         # Counted once per chunk: looked up once here, not each time.
         self.land_bytes = self.payload_bytes.labels("land")
-        self.aim_bytes = self.payload_bytes.labels("aim")
+        self.prefetch_bytes = self.payload_bytes.labels("prefetch")
         self.superseded = self._counter("superseded", "Generations ended unfinished", ["kind"])
         self.superseded_bytes = self._counter(
             "superseded_bytes", "Payload bytes planned and not sent for it", ["kind"]
-        )
-        self.aims = self._counter(
-            "aims", "Landings after an aim: hit where the aim had brought all of it", ["outcome"]
-        )
-        self.aim_use_bytes = self._counter(
-            "aim_use_bytes", "Payload bytes sent for aims that are over", ["outcome"]
         )
         self.picks = self._counter("picks", "Picks by outcome", ["outcome"])
 

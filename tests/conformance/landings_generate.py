@@ -17,6 +17,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from conformance.landings_steps import CORPUS, Player
 from sdk.pairing import COUNT, Pair, ToyScene
 
+from terraport_wire import Direction, decode
+
 __all__ = ["THEMES", "history"]
 
 THEMES: Final[dict[str, dict[str, float]]] = {
@@ -64,7 +66,7 @@ class _Told(Pair):
             self.steps.pop()
         for data in taken:
             assert self.server is not None
-            self.server.receive(self.server.decode(data, 1 << 20), 0.0)
+            self.server.receive(decode(data, Direction.CLIENT_TO_SERVER), 0.0)
 
     def finish(self) -> None:
         """Let everything happen that will."""

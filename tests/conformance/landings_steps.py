@@ -15,8 +15,7 @@ from terraport.cache import SegmentCache
 from terraport.core import SessionCore
 from terraport.events import InnerWhole
 from terraport.options import SessionOptions
-from terraport_wire import Direction
-from terraport_wire.protocol_2 import decode
+from terraport_wire import Direction, decode
 
 __all__ = ["CORPUS", "Player", "difference", "read_histories", "sent_message"]
 

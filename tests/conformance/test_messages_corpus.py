@@ -13,8 +13,17 @@ import msgpack
 import numpy as np
 import pytest
 
-from terraport_wire import DecodeError, Direction, FieldError, Unknown, encode, is_payload
-from terraport_wire.protocol_2 import MESSAGES, decode, decode_frame
+from terraport_wire import (
+    MESSAGES,
+    DecodeError,
+    Direction,
+    FieldError,
+    Unknown,
+    decode,
+    decode_frame,
+    encode,
+    is_payload,
+)
 
 CORPUS = Path(__file__).with_name("messages")
 CASES = [

@@ -60,7 +60,7 @@ SDK_CORE = "tests/sdk/test_core.py"
 
 FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     "wire corpus, whole": (
-        Yes("tests/conformance/test_wire_corpus.py", "test_bad"),
+        Yes("tests/conformance/test_messages_corpus.py", "test_case"),
         Yes(f"{WEB}/wire-corpus.test.ts", "from a server"),
         Yes(UNITY_CORE, "test_the_whole_corpus_passes"),
         Yes(UNREAL_CORE, "test_messages"),
@@ -72,7 +72,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         Yes(UNREAL_CORE, "test_payload"),
     ),
     "session corpus, step by step": (
-        No("protocol 2 alone"),
+        Yes("tests/conformance/test_landings_corpus.py", "test_every_history"),
         Yes(f"{WEB}/session/corpus.test.ts", "the landings corpus"),
         Yes(UNITY_CORE, "test_the_whole_corpus_passes"),
         Yes(UNREAL_CORE, "test_histories"),
@@ -326,9 +326,9 @@ EXAMPLE: Final = Yes(VISITS, "test_the_example_walks")
 NO_GROUPS: Final = No("left out for its size")
 
 GODOT: Final[dict[str, Claim]] = {
-    "wire corpus, whole": Yes(VISITS, "test_every_message_and_frame", "that of protocol 2"),
+    "wire corpus, whole": Yes(VISITS, "test_every_message_and_frame"),
     "payload corpus": Yes(VISITS, "test_every_payload"),
-    "session corpus, step by step": Yes(VISITS, "test_every_history", "that of protocol 2"),
+    "session corpus, step by step": Yes(VISITS, "test_every_history"),
     "segments array for array as the Python SDK": Yes(VISITS, "test_every_payload"),
     "visible sets of a walk as the Python SDK": HOP,
     "a second visit costs no bytes": HOP,

@@ -10,8 +10,7 @@ from faults.service import Service
 from server.grid_scene import SIDE, TILE_M, write_grid_scene
 from server.plain_client import PlainClient, assemble
 
-from terraport_wire import Credit
-from terraport_wire.protocol_2 import Plan, Ready
+from terraport_wire import Credit, Plan, Ready
 
 # The service, with a wall clock that is off by what a file says: every way in which Python code
 # asks for the date. The monotonic clock is left alone, as the kernel leaves it.

@@ -21,7 +21,7 @@ from websockets.exceptions import InvalidStatus
 
 from terraport_server.scenes.registry import SceneRegistry
 from terraport_store import change_labels
-from terraport_wire.protocol_2 import Ready
+from terraport_wire import Ready
 
 resource = pytest.importorskip("resource")
 

@@ -21,8 +21,7 @@ from server.plain_client import PlainClient, assemble, make_land
 import terraport
 from terraport_server import BackgroundServer
 from terraport_store import OutOfSpaceError
-from terraport_wire import Credit
-from terraport_wire.protocol_2 import Plan, Ready
+from terraport_wire import Credit, Plan, Ready
 
 CENTRE = (SIDE * TILE_M / 2, 1.0, SIDE * TILE_M / 2)
 EVERYWHERE = make_land(1, CENTRE, 100.0)

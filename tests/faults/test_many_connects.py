@@ -15,8 +15,7 @@ from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient, make_hello
 from websockets.exceptions import ConnectionClosed
 
-from terraport_wire import Direction, encode
-from terraport_wire.protocol_2 import SUBPROTOCOL, Ready, Welcome, decode
+from terraport_wire import SUBPROTOCOL, Direction, Ready, Welcome, decode, encode
 
 CLIENTS = 1000
 

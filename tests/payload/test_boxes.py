@@ -13,7 +13,7 @@ METRES = st.floats(-1e6, 1e6, width=32)
 
 
 def distance_by_the_specification(box: list[float], centre: tuple[float, ...]) -> float:
-    """Compute spec/wire-protocol.md, 6.1, in Python's float64, one operation after the other."""
+    """Compute spec/protocol.md, section 4, in Python's float64, one operation after the other."""
     dx, dy, dz = (max(box[k] - centre[k], 0.0, centre[k] - box[k + 3]) for k in range(3))
     return math.sqrt(dx * dx + dy * dy + dz * dz)
 

@@ -26,8 +26,16 @@ from terraport_server.session.interface import (
     SendMessage,
     SessionLimits,
 )
-from terraport_server.session.session_2 import Session2
-from terraport_wire import Budgets, DecodeError, Hit, encode
+from terraport_server.session.session import Session
+from terraport_wire import (
+    Budgets,
+    DecodeError,
+    Direction,
+    Hit,
+    decode,
+    encode,
+    frame_header,
+)
 
 COUNT = 30
 BASE_FACES = 48
@@ -78,7 +86,7 @@ class ToyScene:
             id="toy",
             version=f"{version}" * 32,
             name="toy",
-            encodings={"segment-2": table},
+            table=table,
             within=lambda at, radius_m: np.flatnonzero(box_distances_m(fine, at) <= radius_m),
             hidden_faces=HiddenFaces(self.cover, COUNT),
         )
@@ -132,7 +140,7 @@ class Pair:
         options = SessionOptions(client="pair", credit_bytes=credit_bytes, **budgets)
         self.core = SessionCore(options, SegmentCache(cache_bytes), boxes)
         self.budgets = options.hello().budgets
-        self.server: Session2 | None = None
+        self.server: Session | None = None
         self.groups: GroupPort | None = None
         self.hit: Hit | None = None
         self.down: deque[bytes] = deque()
@@ -150,7 +158,7 @@ class Pair:
     def connect(self) -> None:
         """Begin a connection."""
         limits = SessionLimits(max_messages_per_s=1e6)
-        self.server = Session2(
+        self.server = Session(
             self.scene.view, limits, session_id="s", now_s=0.0, groups=self.groups
         )
         self.core.connected()
@@ -170,7 +178,7 @@ class Pair:
         for message in data:
             assert self.server is not None
             try:
-                self.server.receive(self.server.decode(message, 1 << 20), 0.0)
+                self.server.receive(decode(message, Direction.CLIENT_TO_SERVER), 0.0)
             except DecodeError as error:
                 self.server.refuse(error, 0.0)
         return bool(data)
@@ -238,9 +246,14 @@ class Pair:
     def _send(self, chunk: SendChunk) -> None:
         assert self.server is not None
         if chunk.segment in self.broken:
-            self.server.payload_failed(chunk, 0.0)
+            self.server.payload_failed(0.0)
             return
-        header = self.server.frame_header(chunk, chunk.offset, chunk.length)
+        header = frame_header(
+            generation=chunk.generation,
+            key=int(self.scene.table.hashes[chunk.segment]),
+            offset=chunk.offset,
+            total=chunk.total,
+        )
         data = self.scene.payloads[chunk.segment][chunk.offset : chunk.offset + chunk.length]
         frame = header + data
         self.down.append(frame if self.spoil is None else self.spoil(frame))

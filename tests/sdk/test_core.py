@@ -23,8 +23,7 @@ from terraport.events import (
     Shown,
     Superseded,
 )
-from terraport_wire import Direction, Error, Notice, encode
-from terraport_wire.protocol_2 import Land, Plan, Ready, decode, frame_header
+from terraport_wire import Direction, Error, Land, Notice, Plan, Ready, decode, encode, frame_header
 
 EVERYWHERE_M = 300.0
 

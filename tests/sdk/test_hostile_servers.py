@@ -27,8 +27,7 @@ from terraport.errors import (
     TerraportError,
 )
 from terraport.http import SceneHttp
-from terraport_wire import CloseCode, encode
-from terraport_wire.protocol_2 import SUBPROTOCOL, Limits, SceneFacts, Welcome, frame_header
+from terraport_wire import SUBPROTOCOL, CloseCode, Limits, SceneFacts, Welcome, encode, frame_header
 
 WELCOME = encode(
     Welcome(

@@ -11,7 +11,7 @@ from terraport.errors import HttpError
 from terraport.events import Planned, SegmentArrived
 from terraport.landing import LandingRecord, Segment
 from terraport_payload import AttributeScale, encode_segment
-from terraport_wire.protocol_2 import SEGMENT_DTYPE, Land, Plan
+from terraport_wire import SEGMENT_DTYPE, Land, Plan
 
 PAYLOAD = encode_segment(lattice_mesh(0, 0, 2), step_m=STEP_M, scales=SCALES)
 ENTRY = CachedSegment(99, (0.0, 0.0, 0.0, 1.0, 1.0, 1.0), PAYLOAD)

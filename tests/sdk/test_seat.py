@@ -23,11 +23,14 @@ from terraport_wire import (
     Join,
     Joined,
     Leave,
+    Limits,
     Message,
     Roster,
+    SceneFacts,
+    Welcome,
+    decode,
     encode,
 )
-from terraport_wire.protocol_2 import Limits, SceneFacts, Welcome, decode
 
 
 class Client:

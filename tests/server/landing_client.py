@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from terraport_wire import Message
-from terraport_wire.protocol_2 import COARSER, Frame, Land, Plan, Prefetch, Ready
+from terraport_wire import COARSER, Frame, Land, Message, Plan, Prefetch, Ready
 
 
 @dataclass

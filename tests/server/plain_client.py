@@ -11,18 +11,23 @@ import websockets.sync.client
 from websockets.exceptions import ConnectionClosed
 from websockets.typing import Subprotocol
 
-from terraport_wire import Budgets, Direction, Error, Message, encode, is_payload
-from terraport_wire.protocol_2 import (
+from terraport_wire import (
     FOLLOWS,
     KEY_DTYPE,
     SUBPROTOCOL,
+    Budgets,
+    Direction,
+    Error,
     Hello,
     Land,
+    Message,
     Plan,
     Ready,
     Welcome,
     decode,
     decode_frame,
+    encode,
+    is_payload,
 )
 
 PLENTY = 1 << 30

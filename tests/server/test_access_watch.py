@@ -21,7 +21,7 @@ from server.plain_client import PlainClient
 from terraport_server import BackgroundServer
 from terraport_server.auth.keys import TokenKey, new_key, write_keys
 from terraport_server.auth.tokens import make_token
-from terraport_wire.protocol_2 import Plan, Ready
+from terraport_wire import Plan, Ready
 
 KEY = TokenKey("k1", "HS256", bytes(range(32)))
 PERIOD_S = 0.1

@@ -23,7 +23,7 @@ METRICS = "metrics-sixteen-characters"
 
 PATHS = [
     "/", "/scenes", "/scenes/", "/scenes/pit", "/scenes/pit/", "/scenes/atlantis",
-    "/scenes/pit/base.tsg", "/scenes/pit/base.glb", "/scenes/pit/base.cover",
+    "/scenes/pit/base.tsg", "/scenes/pit/base.glb",
     "/scenes/pit/regions.json",
     "/scenes/pit/labels.json", "/scenes/pit/segments/0.glb", "/scenes/pit/segments/999.glb",
     "/scenes/pit/segments/-1.glb", "/scenes/pit/segments/abc.glb", "/scenes/pit/segments/1e9.glb",

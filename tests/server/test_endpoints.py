@@ -59,7 +59,7 @@ def test_scenes(http: httpx.Client, grid: GridScene) -> None:
     assert entry["id"] == "grid"
     assert entry["version"] == grid.manifest.version
     assert entry["segments"] == 36
-    for name in ("self", "base", "cover", "regions", "labels"):
+    for name in ("self", "base", "regions", "labels"):
         assert http.get("/" + entry["links"][name]).status_code == 200
 
 
@@ -170,8 +170,6 @@ def test_many_scenes_are_listed_whole(tmp_path: Path) -> None:
 def test_one_scene_is_its_manifest_with_addresses(http: httpx.Client, grid: GridScene) -> None:
     document = http.get("/scenes/grid").json()
     manifest = grid.manifest.model_dump(mode="json")
-    # Clients that still read base.glb find it here, too.
-    del document["files"]["base.glb"]
     assert {key: document[key] for key in manifest} == manifest
     assert document["id"] == "grid"
     assert document["links"]["stream"] == "scenes/grid/stream"
@@ -181,7 +179,6 @@ def test_one_scene_is_its_manifest_with_addresses(http: httpx.Client, grid: Grid
     ("path", "media_type"),
     [
         ("base.tsg", "application/vnd.terraport.segment"),
-        ("base.cover", "application/octet-stream"),
         ("regions.json", "application/json"),
     ],
 )
@@ -297,7 +294,7 @@ def test_a_report_that_is_a_link_out_of_the_scene_is_not_served(
         folder.unlink(missing_ok=True)
 
 
-@pytest.mark.parametrize("key", ["base.tsg", "base.cover", "regions.json"])
+@pytest.mark.parametrize("key", ["base.tsg", "regions.json"])
 def test_a_file_that_became_a_link_out_of_the_scene_is_not_served(tmp_path: Path, key: str) -> None:
     grid = write_grid_scene(tmp_path / "scenes" / "grid", cells=2)
     with (
@@ -333,7 +330,6 @@ def test_a_service_without_scenes_is_not_ready(tmp_path: Path) -> None:
         "/scenes",
         "/scenes/grid",
         "/scenes/grid/base.tsg",
-        "/scenes/grid/base.cover",
         "/scenes/grid/regions.json",
         "/scenes/grid/labels.json",
         "/scenes/grid/segments/0.glb",

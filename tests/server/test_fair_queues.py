@@ -172,7 +172,7 @@ def send_all(asked: list[tuple[str, Rank, int]]) -> list[str]:
 
         # A full step before: nobody else is served at once.
         for _ in range(STEP_BYTES // TURN_BYTES):
-            scheduler.ask(Rank.AIM, burst("first", Rank.AIM, 1))
+            scheduler.ask(Rank.PREFETCH, burst("first", Rank.PREFETCH, 1))
         for name, rank, turns in asked:
             scheduler.ask(rank, burst(name, rank, turns))
         for _ in range(sum(turns for _, _, turns in asked)):
@@ -183,7 +183,9 @@ def send_all(asked: list[tuple[str, Rank, int]]) -> list[str]:
 
 
 def test_new_landings_go_first_and_aims_last() -> None:
-    order = send_all([("aim", Rank.AIM, 2), ("old", Rank.LANDING, 2), ("new", Rank.NEW_LANDING, 2)])
+    order = send_all(
+        [("aim", Rank.PREFETCH, 2), ("old", Rank.LANDING, 2), ("new", Rank.NEW_LANDING, 2)]
+    )
     assert order == ["new", "new", "old", "old", "aim", "aim"]
 
 

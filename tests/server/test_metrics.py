@@ -20,8 +20,7 @@ from terraport_server.metrics import MAX_SCENE_LABELS, Metrics, ObjectMetrics
 from terraport_server.service import METRIC_PAGES_PER_S, Service
 from terraport_server.session.rate_limit import RateLimit
 from terraport_store.object_files import ObjectStorage
-from terraport_wire import Bye, Credit
-from terraport_wire.protocol_2 import Plan, Ready
+from terraport_wire import Bye, Credit, Plan, Ready
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "topics" / "metrics.md"
 

@@ -47,7 +47,7 @@ def ready(served: ServedScene, chunk: SendChunk, *, by_system_call: bool = True)
     """Return a chunk that was compared before and is in memory."""
     if not served.scene.is_verified(chunk.segment, "segment-2"):
         return None
-    views, _ = served.payloads.views([chunk], "segment-2", by_system_call=by_system_call)
+    views, _ = served.payloads.views([chunk], by_system_call=by_system_call)
     return bytes(views[0]) if views else None
 
 
@@ -58,7 +58,7 @@ def test_a_part_of_a_segment_is_handed_out_once_it_was_checked(
     async def story() -> None:
         served = opened(pit)
         chunk = whole(pit, 3)
-        await served.payloads.fetch(chunk, "segment-2")
+        await served.payloads.fetch(chunk)
         assert ready(served, chunk, by_system_call=by_system_call) == pit.payloads[3]
         within = chunk._replace(offset=10, length=20)
         assert ready(served, within, by_system_call=by_system_call) == pit.payloads[3][10:30]
@@ -87,9 +87,7 @@ def test_clients_that_want_the_same_wait_for_one_read(
 
             monkeypatch.setattr(served.scene, "payload", slow)
             chunk = whole(pit, 1)
-            waiting = [
-                asyncio.create_task(served.payloads.fetch(chunk, "segment-2")) for _ in range(5)
-            ]
+            waiting = [asyncio.create_task(served.payloads.fetch(chunk)) for _ in range(5)]
             await asyncio.sleep(0.05)
             waiting[0].cancel()
             served.retire()
@@ -110,13 +108,13 @@ def test_a_flipped_byte_is_found_at_first_and_after_distrust(tmp_path: Path) -> 
         pit = write_grid_scene(tmp_path / "pit", cells=2)
         served = opened(pit)
         chunk = whole(pit, 2)
-        await served.payloads.fetch(chunk, "segment-2")
+        await served.payloads.fetch(chunk)
         flip(pit, served, 2)
         assert ready(served, chunk) is not None  # when it was checked, it was right
         served.payloads.distrust(2)
         assert ready(served, chunk) is None
         with pytest.raises(CorruptPayloadError, match="segment 2 has hash"):
-            await served.payloads.fetch(chunk, "segment-2")
+            await served.payloads.fetch(chunk)
         assert ready(served, chunk) is None
         served.retire()
 
@@ -130,7 +128,7 @@ def test_rejects_without_end_have_few_segments_compared_again(tmp_path: Path) ->
         pit = write_grid_scene(tmp_path / "pit", cells=8)
         served = opened(pit)
         for segment in range(36):
-            await served.payloads.fetch(whole(pit, segment), "segment-2")
+            await served.payloads.fetch(whole(pit, segment))
         for segment in range(36):
             served.payloads.reject(segment, "127.0.0.2")
         again = [
@@ -150,13 +148,13 @@ def test_a_pack_cut_short_is_told(tmp_path: Path) -> None:
         served = opened(pit)
         last = len(pit.payloads) - 1
         chunk = whole(pit, last)
-        await served.payloads.fetch(chunk, "segment-2")
+        await served.payloads.fetch(chunk)
         pack = next(pit.path.glob("v-*/*.pack"))
         os.truncate(pack, pack.stat().st_size - len(pit.payloads[last]))
         assert ready(served, chunk) is None
         assert ready(served, chunk, by_system_call=False) is None
         with pytest.raises(RangeError):
-            await served.payloads.fetch(chunk, "segment-2")
+            await served.payloads.fetch(chunk)
         served.retire()
 
     asyncio.run(story())
@@ -176,9 +174,9 @@ def test_what_is_in_the_page_cache_waits_for_no_thread(tmp_path: Path) -> None:
             count = len(pit.payloads)
             assert count == MAX_COMPARED + 4
             chunks = [whole(pit, segment) for segment in range(count)]
-            views, compared = served.payloads.views(chunks, "segment-2", by_system_call=True)
+            views, compared = served.payloads.views(chunks, by_system_call=True)
             assert (len(views), compared) == (MAX_COMPARED, MAX_COMPARED)
-            views, compared = served.payloads.views(chunks, "segment-2", by_system_call=True)
+            views, compared = served.payloads.views(chunks, by_system_call=True)
             assert (len(views), compared) == (count, 4), "no segment is compared twice"
             assert [bytes(view) for view in views] == list(pit.payloads)
             served.retire()
@@ -194,13 +192,13 @@ def test_nothing_wrong_or_too_long_is_handed_out_by_the_loop(
         served = opened(pit)
         flip(pit, served, 2)
         chunks = [whole(pit, segment) for segment in range(4)]
-        views, _ = served.payloads.views(chunks, "segment-2", by_system_call=True)
+        views, _ = served.payloads.views(chunks, by_system_call=True)
         assert len(views) == 2
         assert not served.scene.is_verified(2, "segment-2")
         with pytest.raises(CorruptPayloadError, match="segment 2 has hash"):
-            await served.payloads.fetch(chunks[2], "segment-2")
+            await served.payloads.fetch(chunks[2])
         monkeypatch.setattr(payload_reader, "MAX_COMPARED_BYTES", len(pit.payloads[3]) - 1)
-        assert served.payloads.views(chunks[3:], "segment-2", by_system_call=True) == ([], 0)
+        assert served.payloads.views(chunks[3:], by_system_call=True) == ([], 0)
         served.retire()
 
     asyncio.run(story())

@@ -10,10 +10,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from terraport_payload import box_distances_m
+from terraport_payload import Cover, box_distances_m
+from terraport_payload.hidden import HiddenFaces
 from terraport_payload.types import Float32
 from terraport_server.session.interface import SceneView, SegmentTable
-from terraport_server.session.plan_2 import Budgets, choose
+from terraport_server.session.plan import Budgets, choose
 
 Box = tuple[float, ...]
 
@@ -24,7 +25,9 @@ def scene_of(table: SegmentTable) -> SceneView:
     def within(centre: Any, radius_m: float) -> Any:
         return np.flatnonzero(box_distances_m(bounds, centre) <= radius_m)
 
-    return SceneView(id="s", version="v", name="S", encodings={"any": table}, within=within)
+    cover = Cover(np.zeros(1, np.uint32), np.zeros(0, np.uint32))  # a base of no face
+    hidden = HiddenFaces(cover, table.segment_count)
+    return SceneView(id="s", version="v", name="S", table=table, within=within, hidden_faces=hidden)
 
 
 def make_table(boxes: list[Box], sizes: list[int], *, levels: int = 1) -> SegmentTable:

@@ -23,8 +23,7 @@ from typer.testing import CliRunner
 from terraport_server import BackgroundServer
 from terraport_server.cli import register
 from terraport_server.errors import ServerError, SettingsError
-from terraport_wire import Credit, Notice
-from terraport_wire.protocol_2 import Plan, Ready
+from terraport_wire import Credit, Notice, Plan, Ready
 
 PROGRAM = """
 import typer

@@ -24,8 +24,9 @@ from terraport_server.session.interface import (
     SendMessage,
     SessionLimits,
 )
-from terraport_server.session.session_2 import Session2
+from terraport_server.session.session import Session
 from terraport_wire import (
+    FOLLOWS,
     Arrived,
     Budgets,
     Bye,
@@ -34,6 +35,7 @@ from terraport_wire import (
     Direction,
     Error,
     FieldError,
+    Frame,
     Gather,
     Gathering,
     Join,
@@ -42,18 +44,14 @@ from terraport_wire import (
     Message,
     Notice,
     Pick,
-    Roster,
-    Unknown,
-    encode,
-)
-from terraport_wire.protocol_2 import (
-    FOLLOWS,
-    Frame,
     Plan,
     Prefetch,
     Ready,
+    Roster,
+    Unknown,
     Welcome,
     decode,
+    encode,
 )
 
 COUNT = 40
@@ -86,7 +84,7 @@ def make_scene(seed: int, levels: int = 1) -> tuple[SceneView, Cover]:
         id="pit",
         version="1" * 32,
         name="Pit",
-        encodings={"any": table},
+        table=table,
         within=within,
         hidden_faces=HiddenFaces(cover, COUNT),
     )
@@ -110,7 +108,7 @@ def expected(
 ) -> list[tuple[int, bool]]:
     """Return segment and level of a plan by a loop over the scene (section 4, rules 1 and 2)."""
     del inner_radius_m
-    table = scene.encodings["any"]
+    table = scene.table
     distances = box_distances_m(table.bounds, position)
     rows = []
     for segment in sorted(range(COUNT), key=lambda one: (distances[one], one)):
@@ -156,7 +154,7 @@ class Link:
         self.scene = scene
         self.client = client
         limits = {"max_messages_per_s": 1e6} | limits
-        self.session = Session2(
+        self.session = Session(
             scene, SessionLimits(**limits), session_id="s", now_s=0.0, groups=groups
         )
         self.down: deque[Message | Frame] = deque()
@@ -194,9 +192,9 @@ class Link:
 
     def _send(self, chunk: SendChunk) -> None:
         if chunk.segment in self.broken:
-            self.session.payload_failed(chunk, 0.0)
+            self.session.payload_failed(0.0)
             return
-        table = self.scene.encodings["any"]
+        table = self.scene.table
         data = payload_of(table, chunk.segment)[chunk.offset : chunk.offset + chunk.length]
         key = int(table.hashes[chunk.segment])
         frame = Frame(chunk.generation, key, chunk.offset, chunk.total, memoryview(data))
@@ -214,7 +212,7 @@ class Link:
                 self.client.take_message(item)
 
 
-def actions_of(session: Session2) -> list[Any]:
+def actions_of(session: Session) -> list[Any]:
     """Return what the session wants to send and do, up to a plan or payload."""
     actions: list[Any] = []
     while isinstance(action := session.next_action(), SendMessage | RunPick | Close):
@@ -240,7 +238,7 @@ def test_what_is_shown_is_a_function_of_the_last_landing(seed: int) -> None:
     rng = random.Random(seed)
     levels = rng.choice([1, 2])
     scene, cover = make_scene(seed, levels)
-    table = scene.encodings["any"]
+    table = scene.table
     client = LandingClient()
     broken = set(rng.sample(range(COUNT * levels), rng.choice([0, 0, 3])))
     budgets = rng.choice([Budgets(), Budgets(max_segments=7), Budgets(max_bytes=2_000),
@@ -320,7 +318,7 @@ def test_nothing_that_is_on_its_way_is_sent_again() -> None:
 
 def test_a_segment_that_was_begun_is_finished_first() -> None:
     scene, _ = make_scene(1)
-    table = scene.encodings["any"]
+    table = scene.table
     client = LandingClient()
     link = Link(scene, client, credit_bytes=0)
     centre = table.bounds[3, :3].tolist()
@@ -366,7 +364,7 @@ def test_rows_say_what_follows_and_an_unreadable_payload_is_missing() -> None:
     link.deliver()
     kept = dict(list(client.have.items())[:3])
     client.have = dict(kept)
-    table = scene.encodings["any"]
+    table = scene.table
     link.broken = {segment for segment, _ in client.shown if int(table.hashes[segment]) not in kept}
     link.tell(client.land(**wanted))
     link.serve()
@@ -461,7 +459,7 @@ def test_bye_closes() -> None:
 
 def test_an_unknown_type_is_no_hello() -> None:
     """Else a stranger could send as many as it likes before it says who it is."""
-    session = Session2(make_scene(3)[0], SessionLimits(), session_id="s", now_s=0.0)
+    session = Session(make_scene(3)[0], SessionLimits(), session_id="s", now_s=0.0)
     session.receive(Unknown("wave"), 0.0)
     error, close = actions_of(session)
     assert (error.code, error.message) == (
@@ -472,7 +470,7 @@ def test_an_unknown_type_is_no_hello() -> None:
 
 
 def test_a_bad_message_before_hello_is_fatal_whatever_it_is() -> None:
-    session = Session2(make_scene(3)[0], SessionLimits(), session_id="s", now_s=0.0)
+    session = Session(make_scene(3)[0], SessionLimits(), session_id="s", now_s=0.0)
     session.refuse(FieldError("land", "radius_m", "got -1", generation=1), 0.0)
     error, close = actions_of(session)
     assert (error.code, error.fatal, close.code) == ("invalid_field", True, CloseCode.MALFORMED)
@@ -513,13 +511,13 @@ def test_draining_an_idle_session_ends_it() -> None:
     link = Link(make_scene(3)[0], LandingClient())
     link.session.drain(0.0, 2.0)
     assert [type(each) for each in actions_of(link.session)] == [Notice, Close]
-    stranger = Session2(make_scene(3)[0], SessionLimits(), session_id="s", now_s=0.0)
+    stranger = Session(make_scene(3)[0], SessionLimits(), session_id="s", now_s=0.0)
     stranger.drain(0.0, 2.0)
     assert [type(each) for each in actions_of(stranger)] == [Close]
 
 
 def test_news_before_hello_wait_for_the_welcome() -> None:
-    session = Session2(make_scene(3)[0], SessionLimits(), session_id="s", now_s=0.0)
+    session = Session(make_scene(3)[0], SessionLimits(), session_id="s", now_s=0.0)
     session.scene_published("v2")
     assert actions_of(session) == []
     session.receive(make_hello(), 0.0)
@@ -601,10 +599,10 @@ def test_the_observer_is_told_of_times_and_bytes() -> None:
             heard.extend(("rejected", row) for row in rows)
 
     scene, _ = make_scene(3)
-    table = scene.encodings["any"]
+    table = scene.table
     near = scene.within(CENTRE, 40.0)
     total = int(table.lengths[near].sum())
-    session = Session2(scene, SessionLimits(), session_id="s", now_s=0.0, observer=Ear())
+    session = Session(scene, SessionLimits(), session_id="s", now_s=0.0, observer=Ear())
     session.receive(make_hello(credit_bytes=10), 0.0)
     actions_of(session)
     session.receive(make_land(1, CENTRE, 40.0), 0.0)

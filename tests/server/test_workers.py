@@ -18,7 +18,7 @@ from server.plain_client import PlainClient, assemble
 from server.test_serving import serving
 from websockets.exceptions import ConnectionClosed
 
-from terraport_wire.protocol_2 import Ready
+from terraport_wire import Ready
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self").exists(), reason="reads /proc")
 

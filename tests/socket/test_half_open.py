@@ -16,7 +16,7 @@ from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient
 
 from terraport_server import BackgroundServer
-from terraport_wire.protocol_2 import Plan, Ready
+from terraport_wire import Plan, Ready
 
 IDLE_S = 1.5
 CLOSE_S = 0.5

@@ -12,8 +12,7 @@ from server.plain_client import PlainClient, make_hello, make_land
 from websockets.exceptions import ConnectionClosed
 
 from terraport_server import BackgroundServer
-from terraport_wire import Credit, Error, Pick, encode
-from terraport_wire.protocol_2 import KEY_DTYPE, Prefetch, Ready
+from terraport_wire import KEY_DTYPE, Credit, Error, Pick, Prefetch, Ready, encode
 
 MESSAGES = [
     make_hello(),

@@ -16,8 +16,7 @@ from server.plain_client import PlainClient, assemble
 from terraport_payload.types import UInt64
 from terraport_server import BackgroundServer
 from terraport_store import Scene
-from terraport_wire import Credit, Error, Notice, Pick, Picked
-from terraport_wire.protocol_2 import Plan, Ready
+from terraport_wire import Credit, Error, Notice, Pick, Picked, Plan, Ready
 
 HERE = (30.0, 1.0, 30.0)
 

@@ -15,8 +15,7 @@ from server.plain_client import Piece, PlainClient, assemble, follows, make_land
 from terraport_payload import box_distances_m
 from terraport_server import BackgroundServer
 from terraport_store import Scene
-from terraport_wire import Budgets, Bye, Credit, Pick, Picked, encode
-from terraport_wire.protocol_2 import Plan, Ready
+from terraport_wire import Budgets, Bye, Credit, Pick, Picked, Plan, Ready, encode
 
 CENTRE = (SIDE * TILE_M / 2, 1.0, SIDE * TILE_M / 2)
 EVERYWHERE_M = 100.0

@@ -23,8 +23,7 @@ from terraport_server import BackgroundServer
 from terraport_server.scenes.roots import ObjectRoot
 from terraport_store.origin import ObjectCounts, ObjectOptions, Origin
 from terraport_store.upload import upload_scene
-from terraport_wire import Credit, Notice, Pick, Picked
-from terraport_wire.protocol_2 import Plan, Ready
+from terraport_wire import Credit, Notice, Pick, Picked, Plan, Ready
 
 CENTRE = (SIDE * TILE_M / 2, 1.0, SIDE * TILE_M / 2)
 EVERYWHERE_M = 100.0
@@ -163,7 +162,7 @@ def test_everything_beside_the_stream_is_there_too(
     with serve(url, tmp_path) as server, httpx.Client(base_url=server.url) as http:
         listed = http.get("/scenes").json()["scenes"]
         assert [scene["id"] for scene in listed] == ["pit", "well"]
-        for key in ("base.tsg", "base.cover", "regions.json"):
+        for key in ("base.tsg", "regions.json"):
             file = pit.path / pit.manifest.files[key].path
             assert http.get(f"/scenes/pit/{key}").content == file.read_bytes()
         partial = http.get("/scenes/pit/base.tsg", headers={"range": "bytes=10-29"})

@@ -12,8 +12,7 @@ from server.plain_client import PlainClient
 
 from terraport_server import BackgroundServer
 from terraport_store import Scene
-from terraport_wire import Budgets, Direction
-from terraport_wire.protocol_2 import Plan, decode
+from terraport_wire import Budgets, Direction, Plan, decode
 
 CENTRE = (SIDE * TILE_M / 2, 1.0, SIDE * TILE_M / 2)
 

@@ -14,8 +14,16 @@ from server.plain_client import PlainClient, make_hello
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from terraport_server import BackgroundServer
-from terraport_wire import Credit, Error, Pick, encode, token_subprotocol
-from terraport_wire.protocol_2 import SUBPROTOCOL, Ready, frame_header
+from terraport_wire import (
+    SUBPROTOCOL,
+    Credit,
+    Error,
+    Pick,
+    Ready,
+    encode,
+    frame_header,
+    token_subprotocol,
+)
 
 HERE = (30.0, 1.0, 30.0)
 
@@ -154,9 +162,7 @@ def test_no_common_subprotocol(server: BackgroundServer) -> None:
         with PlainClient(server.scene_url("grid"), offered=offered) as client:
             assert client.socket.subprotocol is None
             assert client.closed() == 4409
-            assert (
-                client.socket.close_reason == "offered: terraport.v2.msgpack, terraport.v1.msgpack"
-            )
+            assert client.socket.close_reason == "offered: terraport.v2.msgpack"
 
 
 def test_an_unknown_scene(server: BackgroundServer) -> None:

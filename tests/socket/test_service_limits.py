@@ -15,8 +15,7 @@ from terraport_server import BackgroundServer
 from terraport_server.auth.keys import TokenKey, write_keys
 from terraport_server.auth.tokens import make_token
 from terraport_server.logging import configure_logging, log
-from terraport_wire import Error, Pick, Picked
-from terraport_wire.protocol_2 import Ready
+from terraport_wire import Error, Pick, Picked, Ready
 
 POSITION = (30.0, 50.0, 30.0)
 

@@ -6,9 +6,9 @@ import tracemalloc
 
 import msgpack
 import pytest
-from conformance.wire_samples import FULL, MINIMAL
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from wire.samples import SAMPLES
 
 import terraport_wire as m
 from terraport_wire import (
@@ -33,27 +33,23 @@ LITERALS = [
     (m.Bye(), b"\x81\xa4type\xa3bye"),
     (m.Credit(bytes=65536), b"\x82\xa4type\xa6credit\xa5bytes\xce\x00\x01\x00\x00"),
     (
-        m.Evict(segments=[1, 258]),
-        b"\x82\xa4type\xa5evict\xa8segments\xc4\x08\x01\x00\x00\x00\x02\x01\x00\x00",
-    ),
-    (
-        m.Aim(generation=7, position=(1.0, 0.0, -2.0), radius_m=0.5),
+        m.Prefetch(
+            generation=7, position=(1.0, 0.0, -2.0), radius_m=0.5, have=[1, 258], taken_bytes=3
+        ),
         (
-            b"\x84\xa4type\xa3aim\xaageneration\x07\xa8position\x93"
+            b"\x86\xa4type\xa8prefetch\xaageneration\x07\xa8position\x93"
             b"\xcb\x3f\xf0\x00\x00\x00\x00\x00\x00\xcb\x00\x00\x00\x00\x00\x00\x00\x00"
             b"\xcb\xc0\x00\x00\x00\x00\x00\x00\x00\xa8radius_m\xcb\x3f\xe0\x00\x00\x00\x00\x00\x00"
+            b"\xa4have\xc4\x10\x01\x00\x00\x00\x00\x00\x00\x00\x02\x01\x00\x00\x00\x00\x00\x00"
+            b"\xabtaken_bytes\x03"
         ),
     ),
     (
-        m.Prefetch(
-            generation=1,
-            segments=[(2, 3, 0x0807060504030201, 4, 5, (0, 0, 0, 1, 1, 2))],
-            bytes=3,
+        m.Ready(generation=1, missing=[0x0807060504030201], hidden=b"bits"),
+        (
+            b"\x84\xa4type\xa5ready\xaageneration\x01\xa7missing\xc4\x08"
+            b"\x01\x02\x03\x04\x05\x06\x07\x08\xa6hidden\xc4\x04bits"
         ),
-        b"\x84\xa4type\xa8prefetch\xaageneration\x01\xa8segments\xc4\x30"
-        b"\x02\x00\x00\x00\x03\x00\x00\x00\x01\x02\x03\x04\x05\x06\x07\x08"
-        b"\x04\x00\x00\x00\x05\x00\x00\x00" + bytes(12) + b"\x00\x00\x80\x3f\x00\x00\x80\x3f"
-        b"\x00\x00\x00\x40\xa5bytes\x03",
     ),
     (m.Picked(request=9), b"\x82\xa4type\xa6picked\xa7request\x09"),
 ]
@@ -65,7 +61,7 @@ def test_literal_bytes_both_ways(message: m.Message, data: bytes) -> None:
     assert decode(data, message.DIRECTION) == message
 
 
-@pytest.mark.parametrize("message", MINIMAL + FULL, ids=lambda message: message.TYPE)
+@pytest.mark.parametrize("message", SAMPLES, ids=lambda message: message.TYPE)
 def test_every_truncation_is_malformed(message: m.Message) -> None:
     whole = encode(message)
     for length in range(len(whole)):
@@ -73,7 +69,7 @@ def test_every_truncation_is_malformed(message: m.Message) -> None:
             decode(whole[:length], message.DIRECTION)
 
 
-@pytest.mark.parametrize("message", FULL, ids=lambda message: message.TYPE)
+@pytest.mark.parametrize("message", SAMPLES, ids=lambda message: message.TYPE)
 def test_bytes_after_the_message_are_malformed(message: m.Message) -> None:
     whole = encode(message)
     for extra in (b"\x00", b"\xc0", whole):
@@ -81,7 +77,7 @@ def test_bytes_after_the_message_are_malformed(message: m.Message) -> None:
             decode(whole + extra, message.DIRECTION)
 
 
-@pytest.mark.parametrize("message", FULL, ids=lambda message: message.TYPE)
+@pytest.mark.parametrize("message", SAMPLES, ids=lambda message: message.TYPE)
 def test_every_flipped_byte_gives_a_message_or_a_documented_error(message: m.Message) -> None:
     whole = encode(message)
     for position in range(len(whole)):
@@ -130,7 +126,7 @@ _ANY = st.recursive(
 @settings(max_examples=300)
 @given(data=st.data())
 def test_any_value_in_any_field_gives_a_message_or_a_documented_error(data: st.DataObject) -> None:
-    message = data.draw(st.sampled_from(FULL))
+    message = data.draw(st.sampled_from(SAMPLES))
     plain = msgpack.unpackb(encode(message))
     field = data.draw(st.sampled_from(sorted(plain)))
     plain[field] = data.draw(_ANY | st.binary(max_size=60))
@@ -205,7 +201,8 @@ def test_an_unknown_type_is_skipped_whatever_it_holds() -> None:
 
 
 def test_field_errors_name_field_value_and_generation() -> None:
-    land = {"type": "land", "generation": 12, "position": [0, 0, 0], "radius_m": -3}
+    land = {"type": "land", "generation": 12, "position": [0, 0, 0], "radius_m": -3,
+            "have": b"", "taken_bytes": 0}  # fmt: skip
     with pytest.raises(FieldError) as caught:
         decode(msgpack.packb(land), C2S)
     error = caught.value
@@ -220,7 +217,8 @@ def test_field_errors_name_field_value_and_generation() -> None:
 
 
 def test_an_unreadable_generation_is_not_named() -> None:
-    land = {"type": "land", "generation": -1, "position": [0, 0, 0], "radius_m": 3}
+    land = {"type": "land", "generation": -1, "position": [0, 0, 0], "radius_m": 3,
+            "have": b"", "taken_bytes": 0}  # fmt: skip
     with pytest.raises(FieldError) as caught:
         decode(msgpack.packb(land), C2S)
     assert caught.value.generation is None
@@ -240,7 +238,7 @@ def test_payload_frames_and_messages_are_told_apart_by_the_first_byte() -> None:
     assert not is_payload(b"\x80")
     assert not is_payload(b"")
     assert not is_payload("\x01")
-    for message in FULL:
+    for message in SAMPLES:
         assert not is_payload(encode(message))
 
 
@@ -249,7 +247,7 @@ def test_tokens_travel_as_a_subprotocol(token: str) -> None:
     entry = token_subprotocol(token)
     assert entry.startswith("terraport.token.")
     assert not set(entry) & set("=/+, ")
-    assert token_from_subprotocols(["terraport.v1.msgpack", entry]) == token
+    assert token_from_subprotocols(["terraport.v2.msgpack", entry]) == token
 
 
 def test_a_token_entry_literally() -> None:
@@ -261,7 +259,7 @@ def test_a_token_entry_literally() -> None:
 )
 def test_a_token_entry_that_does_not_decode_is_no_token(entry: str) -> None:
     assert token_from_subprotocols([entry]) is None
-    assert token_from_subprotocols(["terraport.v1.msgpack"]) is None
+    assert token_from_subprotocols(["terraport.v2.msgpack"]) is None
 
 
 def test_a_client_sends_few_values() -> None:

@@ -1,6 +1,6 @@
 """terraport wire protocol: messages, payload frames, limits and errors (PURE: bytes <-> values).
 
-The specification is spec/wire-protocol.md.
+The specification is spec/protocol.md.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from . import (
     limits,
     messages,
     server_messages,
-    welcome_parts,
 )
 from .client_messages import *  # noqa: F403 - a message is named where it is defined, nowhere else
 from .codec import *  # noqa: F403
@@ -24,10 +23,8 @@ from .group_messages import *  # noqa: F403
 from .limits import *  # noqa: F403
 from .messages import *  # noqa: F403
 from .server_messages import *  # noqa: F403
-from .tables import HELD_DTYPE, ID_DTYPE, LOAD_DTYPE
-from .welcome_parts import *  # noqa: F403
 
-__all__ = ["HELD_DTYPE", "ID_DTYPE", "LOAD_DTYPE"]
+__all__: list[str] = []
 __all__ += client_messages.__all__
 __all__ += codec.__all__
 __all__ += errors.__all__
@@ -36,4 +33,3 @@ __all__ += group_messages.__all__
 __all__ += limits.__all__
 __all__ += messages.__all__
 __all__ += server_messages.__all__
-__all__ += welcome_parts.__all__

@@ -1,6 +1,6 @@
 """Messages to bytes, and back.
 
-``terraport.v1.msgpack`` carries a message as one msgpack map in a binary WebSocket message.  It
+``terraport.v2.msgpack`` carries a message as one msgpack map in a binary WebSocket message.  It
 holds the key ``type``; unknown types and unknown keys are skipped.
 """
 
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 import binascii
-from collections.abc import Mapping
 from typing import Any
 
 import msgpack
@@ -26,7 +25,6 @@ from .message import Direction, Message, from_map, to_map
 from .messages import MESSAGES, Unknown
 
 __all__ = [
-    "PROTOCOL",
     "SUBPROTOCOL",
     "TOKEN_PREFIX",
     "decode",
@@ -36,11 +34,8 @@ __all__ = [
     "token_subprotocol",
 ]
 
-PROTOCOL = (1, 0)
-"""Version of the protocol that this package speaks: (major, minor)."""
-
-SUBPROTOCOL = "terraport.v1.msgpack"
-"""The WebSocket subprotocol: its name pins the major version."""
+SUBPROTOCOL = "terraport.v2.msgpack"
+"""The WebSocket subprotocol: its name has the version of the protocol."""
 
 TOKEN_PREFIX = "terraport.token."  # noqa: S105 - a name, not a secret
 
@@ -71,7 +66,6 @@ def decode(
     direction: Direction,
     *,
     max_bytes: int | None = None,
-    messages: Mapping[Direction, Mapping[str, type[Message]]] = MESSAGES,
 ) -> Message | Unknown:
     """Return the message that bytes hold.
 
@@ -83,8 +77,6 @@ def decode(
         Who sent it.
     max_bytes : int, optional
         Stricter limit than the protocol's own for this direction.
-    messages : mapping, optional
-        Message class by direction and type, of a version of the protocol.
 
     Returns
     -------
@@ -104,7 +96,7 @@ def decode(
     limit = _LIMITS[direction] if max_bytes is None else min(max_bytes, _LIMITS[direction])
     data = _whole_bytes(data, limit)
     leading = leading_type(data)
-    if leading is not None and leading not in messages[direction]:
+    if leading is not None and leading not in MESSAGES[direction]:
         return Unknown(leading[:_LONGEST_TYPE])  # whatever else it holds costs nothing
     plain = _plain(data, direction)
     if not isinstance(plain, dict):
@@ -112,7 +104,7 @@ def decode(
     type_name = plain.get("type")
     if not isinstance(type_name, str):
         raise MalformedError(f"got type {clip(type_name)}, expected text")
-    message = messages[direction].get(type_name)
+    message = MESSAGES[direction].get(type_name)
     if message is None:
         return Unknown(type_name[:_LONGEST_TYPE])
     try:
@@ -162,7 +154,7 @@ def token_from_subprotocols(offered: list[str]) -> str | None:
 
 def _whole_bytes(data: bytes | bytearray | memoryview | str, limit: int) -> bytes:
     if isinstance(data, str):
-        raise MalformedError("got a text message, expected a binary one (terraport.v1.msgpack)")
+        raise MalformedError("got a text message, expected a binary one (terraport.v2.msgpack)")
     if len(data) > limit:
         raise TooLargeError(f"got a message of {len(data)} bytes, expected at most {limit}")
     return bytes(data)

@@ -58,7 +58,6 @@ class ErrorCode(StrEnum):
     UNKNOWN_SCENE = "unknown_scene"
     TIMEOUT = "timeout"
     UNSUPPORTED_VERSION = "unsupported_version"
-    UNSUPPORTED_ENCODING = "unsupported_encoding"
     TOO_LARGE = "too_large"
     TOO_MANY = "too_many"
     INTERNAL = "internal"
@@ -76,7 +75,6 @@ CLOSE_CODES: dict[ErrorCode, CloseCode] = {
     ErrorCode.UNKNOWN_SCENE: CloseCode.UNKNOWN_SCENE,
     ErrorCode.TIMEOUT: CloseCode.TIMEOUT,
     ErrorCode.UNSUPPORTED_VERSION: CloseCode.VERSION,
-    ErrorCode.UNSUPPORTED_ENCODING: CloseCode.VERSION,
     ErrorCode.TOO_LARGE: CloseCode.TOO_LARGE,
     ErrorCode.TOO_MANY: CloseCode.TOO_MANY,
     ErrorCode.INTERNAL: CloseCode.INTERNAL,
@@ -182,7 +180,7 @@ class FieldError(DecodeError):
     generation, request : int or None
         Generation or request of the refused message, where it could be read.
     fatal : bool
-        False for ``aim``, ``land``, ``prefetch``, ``pick``, ``join`` and ``gather``: they are
+        False for ``land``, ``prefetch``, ``pick``, ``join`` and ``gather``: they are
         refused and the session goes on, because nothing was changed by them.  True for every
         other message, and for all of a server: the two sides' views of the session would differ.
     """
@@ -204,7 +202,7 @@ class FieldError(DecodeError):
         self.field = field
         self.generation = generation
         self.request = request
-        refusable = {"aim", "land", "prefetch", "pick", "join", "gather"}
+        refusable = {"land", "prefetch", "pick", "join", "gather"}
         self.fatal = from_server or message_type not in refusable
 
     def __str__(self) -> str:

@@ -1,18 +1,18 @@
-"""Messages of groups: several clients that land together (spec/wire-protocol.md, section 16)."""
+"""Messages of groups: several clients that land together (spec/protocol.md, section 10)."""
 
 from __future__ import annotations
 
 import dataclasses
 from typing import Annotated, Any, ClassVar
 
+import numpy as np
 from numpy.typing import NDArray
 
 from .client_messages import Centre, ClientMessage, Radius, inner_radius_problem
-from .kinds import Choice, Flag, Integer, Number, Position, Text
+from .kinds import Choice, Flag, Integer, Number, Position, Rows, Text
 from .limits import MAX_DEADLINE_MS, MAX_GROUP_MEMBERS, MAX_GROUP_NAME, MAX_RADIUS_M
 from .message import Part, PartList
 from .server_messages import ServerMessage
-from .tables import Ids
 
 __all__ = [
     "Arrived",
@@ -27,6 +27,7 @@ __all__ = [
 ]
 
 _U32 = 2**32 - 1
+_MEMBERS = Rows(np.dtype("<u4"), MAX_GROUP_MEMBERS)
 
 Request = Annotated[int, Integer(0, _U32), "Number chosen by the client, for the answer"]
 GroupName = Annotated[
@@ -77,7 +78,7 @@ class Gather(ClientMessage):
     inner_radius_m: Annotated[
         float | None,
         Number(0.0, MAX_RADIUS_M, low_excluded=True),
-        "Radius in metres of the degraded set; at most radius_m",
+        "Radius in metres of the inner set; at most radius_m",
     ] = None
     deadline_ms: Annotated[
         int | None,
@@ -88,8 +89,6 @@ class Gather(ClientMessage):
 
     def contradiction(self) -> tuple[str, str] | None:
         """Check the inner radius against the radius."""
-        if self.inner_radius_m is None:
-            return None
         return inner_radius_problem(self.inner_radius_m, self.radius_m)
 
 
@@ -166,7 +165,7 @@ class Gathering(ServerMessage):
     inner_radius_m: Annotated[
         float | None,
         Number(0.0, MAX_RADIUS_M, low_excluded=True),
-        "Radius in metres of the degraded set",
+        "Radius in metres of the inner set",
     ] = None
     left_ms: Annotated[
         int | None,
@@ -182,8 +181,6 @@ class Gathered(ServerMessage):
     TYPE: ClassVar[str] = "gathered"
 
     gathering: GatheringNumber
-    ready: Annotated[NDArray[Any], Ids(MAX_GROUP_MEMBERS), "Members that show their landing"]
-    degraded: Annotated[NDArray[Any], Ids(MAX_GROUP_MEMBERS), "Members that show the inner set"]
-    missing: Annotated[
-        NDArray[Any], Ids(MAX_GROUP_MEMBERS), "Members that declined, or did not arrive in time"
-    ]
+    ready: Annotated[NDArray[Any], _MEMBERS, "Members that show their landing"]
+    degraded: Annotated[NDArray[Any], _MEMBERS, "Members that show the inner set"]
+    missing: Annotated[NDArray[Any], _MEMBERS, "Members that declined, or did not arrive in time"]

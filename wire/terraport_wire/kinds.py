@@ -1,8 +1,6 @@
-"""Kinds of scalar fields: one object knows a field's check, its wire form and its schema.
+"""Kinds of fields: one object knows a field's check and its wire form.
 
-A message class names the kind of each field in ``Annotated``; codec, JSON Schema and the tables of
-the specification are all read off these objects, so they cannot disagree.  Packed arrays (ids,
-held, load tables) are in :mod:`terraport_wire.tables`.
+A message class names the kind of each field in ``Annotated``.
 
 Every check raises :class:`Refused` with text "got ACTUAL, expected EXPECTED".
 """
@@ -16,10 +14,12 @@ from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .limits import MAX_COORDINATE_M, MAX_INTEGER
 
 __all__ = [
+    "Binary",
     "Choice",
     "Flag",
     "Integer",
@@ -28,9 +28,8 @@ __all__ = [
     "NumberMap",
     "Position",
     "Refused",
+    "Rows",
     "Text",
-    "Version",
-    "VersionList",
     "clip",
 ]
 
@@ -76,11 +75,8 @@ class Kind(Protocol):
     def from_wire(self, raw: Any) -> Any:
         """Return the Python value for what msgpack gave; it is not checked."""
 
-    def schema(self) -> dict[str, Any]:
-        """Return the JSON Schema of the readable form (specification, section 15)."""
-
     def describe(self) -> str:
-        """Return the type as the specification's tables name it."""
+        """Return the type for error texts."""
 
 
 class _Plain:
@@ -106,9 +102,6 @@ class Integer(_Plain):
         if type(value) is not int or not self.low <= value <= self.high:
             raise Refused(f"got {clip(value)}, expected an integer from {self.low} to {self.high}")
         return value
-
-    def schema(self) -> dict[str, Any]:
-        return {"type": "integer", "minimum": self.low, "maximum": self.high}
 
     def describe(self) -> str:
         names = {2**32 - 1: "2^32-1", MAX_INTEGER: "2^53-1"}
@@ -137,10 +130,6 @@ class Number(_Plain):
         opening = "above" if self.low_excluded else "from"
         return f"{opening} {self.low:g} to {self.high:.15g}"
 
-    def schema(self) -> dict[str, Any]:
-        low = "exclusiveMinimum" if self.low_excluded else "minimum"
-        return {"type": "number", low: self.low, "maximum": self.high}
-
     def describe(self) -> str:
         return f"number {'(' if self.low_excluded else '['}{self.low:g}, {self.high:.15g}]"
 
@@ -152,9 +141,6 @@ class Flag(_Plain):
         if type(value) is not bool:
             raise Refused(f"got {clip(value)}, expected true or false")
         return value
-
-    def schema(self) -> dict[str, Any]:
-        return {"type": "boolean"}
 
     def describe(self) -> str:
         return "boolean"
@@ -182,14 +168,6 @@ class Text(_Plain):
             raise Refused(f"got {clip(value)}, expected text that matches {self.pattern}")
         return str(value)
 
-    def schema(self) -> dict[str, Any]:
-        schema: dict[str, Any] = {"type": "string", "maxLength": self.longest}
-        if self.shortest:
-            schema["minLength"] = self.shortest
-        if self.pattern is not None:
-            schema["pattern"] = f"^(?:{self.pattern})$"
-        return schema
-
     def describe(self) -> str:
         shape = f" `{self.pattern}`" if self.pattern is not None else ""
         return f"text {self.shortest}..{self.longest}{shape}"
@@ -205,9 +183,6 @@ class Choice(_Plain):
         if not isinstance(value, str) or value not in self.options:
             raise Refused(f"got {clip(value)}, expected one of {', '.join(self.options)}")
         return str(value)
-
-    def schema(self) -> dict[str, Any]:
-        return {"type": "string", "enum": list(self.options)}
 
     def describe(self) -> str:
         return "one of " + ", ".join(f"`{option}`" for option in self.options)
@@ -237,53 +212,8 @@ class Position(_Plain):
     def to_wire(self, value: Any) -> Any:
         return list(value)
 
-    def schema(self) -> dict[str, Any]:
-        item = {"type": "number", "minimum": -self.bound, "maximum": self.bound}
-        return {"type": "array", "items": item, "minItems": 3, "maxItems": 3}
-
     def describe(self) -> str:
         return f"3 numbers, size <= {self.bound:.15g}" + (", not all 0" if self.nonzero else "")
-
-
-class Version(_Plain):
-    """A protocol version ``[major, minor]``."""
-
-    _part = Integer(0, 65_535)
-
-    def check(self, value: Any) -> tuple[int, int]:
-        if not isinstance(value, (list, tuple)) or len(value) != 2:
-            raise Refused(f"got {clip(value)}, expected a version [major, minor]")
-        return (self._part.check(value[0]), self._part.check(value[1]))
-
-    def to_wire(self, value: Any) -> Any:
-        return list(value)
-
-    def schema(self) -> dict[str, Any]:
-        return {"type": "array", "items": self._part.schema(), "minItems": 2, "maxItems": 2}
-
-    def describe(self) -> str:
-        return "[major, minor]"
-
-
-class VersionList(_Plain):
-    """Versions that a server offers, at most `most`."""
-
-    _item = Version()
-    most = 16
-
-    def check(self, value: Any) -> tuple[tuple[int, int], ...]:
-        if not isinstance(value, (list, tuple)) or len(value) > self.most:
-            raise Refused(f"got {clip(value)}, expected at most {self.most} versions")
-        return tuple(self._item.check(item) for item in value)
-
-    def to_wire(self, value: Any) -> Any:
-        return [list(item) for item in value]
-
-    def schema(self) -> dict[str, Any]:
-        return {"type": "array", "items": self._item.schema(), "maxItems": self.most}
-
-    def describe(self) -> str:
-        return f"list of [major, minor], at most {self.most}"
 
 
 class NumberMap(_Plain):
@@ -306,16 +236,53 @@ class NumberMap(_Plain):
             checked[name] = number
         return checked
 
-    def schema(self) -> dict[str, Any]:
-        return {
-            "type": "object",
-            "maxProperties": self.most,
-            "propertyNames": self._name.schema(),
-            "additionalProperties": {"type": "number"},
-        }
-
     def describe(self) -> str:
         return f"map of text 1..128 to number, at most {self.most}"
+
+
+class Rows:
+    """Packed rows of one dtype, at most `most`: a read-only array in Python."""
+
+    def __init__(self, dtype: np.dtype[Any], most: int) -> None:
+        self.dtype = dtype
+        self.most = most
+
+    def check(self, value: Any) -> NDArray[Any]:
+        rows = np.ascontiguousarray(value, dtype=self.dtype)
+        if rows.ndim != 1 or len(rows) > self.most:
+            raise Refused(f"got shape {rows.shape}, expected at most {self.most} rows")
+        if rows.flags.writeable:
+            rows = rows.copy()
+            rows.setflags(write=False)
+        return rows
+
+    def to_wire(self, value: Any) -> bytes:
+        data: bytes = value.tobytes()
+        return data
+
+    def from_wire(self, raw: Any) -> NDArray[Any]:
+        size = self.dtype.itemsize
+        if not isinstance(raw, bytes) or len(raw) % size or len(raw) > self.most * size:
+            raise Refused(f"got {clip(raw)}, expected {self.describe()}")
+        return np.frombuffer(raw, dtype=self.dtype)
+
+    def describe(self) -> str:
+        return f"binary of at most {self.most} rows of {self.dtype.itemsize} bytes"
+
+
+class Binary(_Plain):
+    """Bytes, at most `most`."""
+
+    def __init__(self, most: int) -> None:
+        self.most = most
+
+    def check(self, value: Any) -> bytes:
+        if not isinstance(value, bytes) or len(value) > self.most:
+            raise Refused(f"got {clip(value)}, expected {self.describe()}")
+        return value
+
+    def describe(self) -> str:
+        return f"binary of at most {self.most} bytes"
 
 
 def _finite(value: Any) -> float | None:

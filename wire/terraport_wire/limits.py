@@ -1,4 +1,4 @@
-"""Limits that every speaker of the wire protocol keeps (spec/wire-protocol.md, "Limits").
+"""Limits that every speaker of the protocol keeps (spec/protocol.md, section 9).
 
 These are the protocol's own bounds: no message beyond them is ever valid, whatever a server is
 configured for.  A server may be stricter; what it allows is said in ``welcome.limits``.
@@ -7,8 +7,7 @@ configured for.  A server may be stricter; what it allows is said in ``welcome.l
 from __future__ import annotations
 
 __all__ = [
-    "BLOCK_BYTES",
-    "HEADER_BYTES",
+    "FRAME_HEADER_BYTES",
     "MAX_ATTRIBUTES",
     "MAX_CHUNK_BYTES",
     "MAX_CLIENT_MESSAGE_BYTES",
@@ -21,20 +20,17 @@ __all__ = [
     "MAX_GPU_ELEMENT_BYTES",
     "MAX_GROUP_MEMBERS",
     "MAX_GROUP_NAME",
+    "MAX_HAVE",
     "MAX_HEADER_BYTES",
-    "MAX_HELD_SEGMENTS",
     "MAX_INTEGER",
     "MAX_LEVELS",
     "MAX_PLAN_SEGMENTS",
     "MAX_RADIUS_M",
-    "MAX_RELEASE_FACTOR",
     "MAX_SEGMENT_BYTES",
     "MAX_SERVER_MESSAGE_BYTES",
     "MAX_TOKEN_BYTES",
+    "MAX_WITHOUT",
 ]
-
-BLOCK_BYTES = 64
-"""Payloads begin at multiples of it in a pack: ``plan.blocks`` counts by it, up to 256 GiB."""
 
 MAX_INTEGER = 2**53 - 1
 """Largest integer in a message: beyond it a JavaScript number is no longer exact."""
@@ -48,11 +44,11 @@ MAX_FRAME_BYTES = 128 * 1024
 MAX_GPU_ELEMENT_BYTES = 4096
 """Most bytes that a client may say one vertex, or a triangle's indices, take on its GPU."""
 
-HEADER_BYTES = 24
-"""Payload header of version 1; a receiver reads the header's own `header_bytes` instead."""
+FRAME_HEADER_BYTES = 24
+"""Header that a sender writes; a receiver goes by the length in the header."""
 
-MAX_CHUNK_BYTES = MAX_FRAME_BYTES - HEADER_BYTES
-"""Most payload bytes in one frame of a version 1 sender (24-byte header)."""
+MAX_CHUNK_BYTES = MAX_FRAME_BYTES - FRAME_HEADER_BYTES
+"""Most payload bytes in one frame."""
 
 MAX_HEADER_BYTES = 1024
 """Largest payload header a receiver accepts: room for later versions' fields."""
@@ -61,8 +57,7 @@ MAX_SEGMENT_BYTES = 64 * 1024 * 1024
 """Largest segment: a 2048 x 2048 texture with 20,000 faces stays far below it."""
 
 MAX_CLIENT_MESSAGE_BYTES = 1024 * 1024
-"""Largest message from a client: a ``hello`` with the most held segments takes
-393 kB of it."""
+"""Largest message from a client: a ``land`` with the most keys takes 33 kB of it."""
 
 MAX_CLIENT_VALUES = 1024
 """Most msgpack values of a message from a client, keys, maps and arrays counted: the longest that
@@ -70,15 +65,16 @@ the protocol has takes 33. A server looks at each of them, so bytes alone bound 
 of one-byte values took it a tenth of a second."""
 
 MAX_SERVER_MESSAGE_BYTES = 8 * 1024 * 1024
-"""Largest message from a server: a ``plan`` with the most segments takes a
-tenth of it, which leaves room for what later versions add."""
+"""Largest message from a server: a ``plan`` with the most segments takes half a megabyte of it."""
 
-MAX_HELD_SEGMENTS = 32_768
-"""Most segments in one ``hello.held``, ``held`` and ``evict``: they stay well below
-`MAX_CLIENT_MESSAGE_BYTES`, and a client that holds more sends more messages."""
+MAX_HAVE = 4096
+"""Most keys in ``have``: 32 KiB."""
+
+MAX_WITHOUT = 64
+"""Most keys in ``without``."""
 
 MAX_PLAN_SEGMENTS = 16_384
-"""Most segments of one plan (load and keep together)."""
+"""Most segments of one plan."""
 
 MAX_RADIUS_M = 1_000_000.0
 """Largest radius that is a number at all; servers allow far less (``limits.max_radius_m``)."""
@@ -86,11 +82,8 @@ MAX_RADIUS_M = 1_000_000.0
 MAX_COORDINATE_M = 10_000_000.0
 """Largest coordinate of the scene frame: float32 detail around an origin ends long before."""
 
-MAX_RELEASE_FACTOR = 4.0
-"""Largest ratio of release radius to load radius."""
-
 MAX_DEADLINE_MS = 600_000
-"""Longest deadline of a landing: ten minutes."""
+"""Longest deadline of a group landing: ten minutes."""
 
 MAX_TOKEN_BYTES = 4096
 """Longest token: signed tokens with claims fit."""

@@ -1,7 +1,7 @@
 """The base of every message: frozen dataclass in, checked fields out.
 
 A message class declares each field as ``Annotated[type, Kind, "meaning"]``.  :func:`fields_of`
-reads these once per class; construction checks by them, codec and schema walk them.
+reads these once per class; construction checks by them, the codec walks them.
 """
 
 # ruff: noqa: D102 - PartKind: the interface Kind documents these methods
@@ -11,7 +11,7 @@ import dataclasses
 import types
 import typing
 from enum import Enum, unique
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -42,11 +42,11 @@ class Field:
     name : str
         Name in Python and on the wire.
     kind : Kind
-        Check, wire form and schema.
+        Check and wire form.
     required : bool
         False if it may be absent; absent is ``None`` in Python.
     meaning : str
-        One sentence for the specification.
+        One sentence for readers of the class.
     """
 
     name: str
@@ -81,20 +81,6 @@ class Part:
         problem = self.contradiction()
         if problem is not None:
             raise InvalidMessageError(self.wire_name(), *problem)
-
-    @classmethod
-    def trusted(cls, **values: Any) -> Self:
-        """Return one without any check: values that were computed, not received.
-
-        Every field must be given as its kind's check would return it: exact types, read-only
-        arrays of the right dtype, sums that agree; optional ones may be left out. Only for what is
-        made thousands of times and is right by construction; a test compares it with the checked
-        way.
-        """
-        part = object.__new__(cls)
-        for field in fields_of(cls):
-            object.__setattr__(part, field.name, values.get(field.name))
-        return part
 
     @classmethod
     def wire_name(cls) -> str:
@@ -148,11 +134,8 @@ class PartKind:
     def from_wire(self, raw: Any) -> Part:
         return from_map(self.part, raw)
 
-    def schema(self) -> dict[str, Any]:
-        return part_schema(self.part)
-
     def describe(self) -> str:
-        return f"map, see [{self.part.wire_name()}](#{self.part.wire_name()})"
+        return "a map"
 
 
 class PartList:
@@ -183,11 +166,8 @@ class PartList:
                 raise Refused(refused.text, path) from None
         return tuple(parts)
 
-    def schema(self) -> dict[str, Any]:
-        return {"type": "array", "items": self._kind.schema(), "maxItems": self.most}
-
     def describe(self) -> str:
-        return f"list of {self._kind.describe()}, at most {self.most}"
+        return f"a list of at most {self.most} maps"
 
 
 def fields_of(part: type[Part]) -> tuple[Field, ...]:
@@ -235,23 +215,6 @@ def from_map(part: type[Part], raw: Any) -> Part:
         return part(**values)
     except InvalidMessageError as error:
         raise Refused(error.text, error.field) from None
-
-
-def part_schema(part: type[Part], *, type_name: str | None = None) -> dict[str, Any]:
-    """Return the JSON Schema of a part's readable form; with `type_name` also its ``type`` key."""
-    properties: dict[str, Any] = {}
-    required: list[str] = []
-    if type_name is not None:
-        properties["type"] = {"const": type_name}
-        required.append("type")
-    for field in fields_of(part):
-        schema = {"description": field.meaning, **field.kind.schema()}
-        if field.required:
-            required.append(field.name)
-        else:
-            schema = {"anyOf": [schema, {"type": "null"}]}
-        properties[field.name] = schema
-    return {"type": "object", "properties": properties, "required": required}
 
 
 def _read_fields(part: type[Part]) -> tuple[Field, ...]:

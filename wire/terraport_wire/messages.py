@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import dataclasses
 
-from . import client_messages, group_messages, server_messages, welcome_parts
-from .message import Direction, Message, Part
+from . import client_messages, group_messages, server_messages
+from .message import Direction, Message
 
-__all__ = ["MESSAGES", "PARTS", "Direction", "Message", "Part", "Unknown"]
+__all__ = ["MESSAGES", "Direction", "Message", "Unknown"]
 
 _CLASSES: list[type] = [
     value
-    for module in (client_messages, welcome_parts, server_messages, group_messages)
+    for module in (client_messages, server_messages, group_messages)
     for value in vars(module).values()
     if isinstance(value, type) and value.__module__ == module.__name__
 ]
@@ -31,11 +31,6 @@ MESSAGES: dict[Direction, dict[str, type[Message]]] = {
     for direction in (Direction.CLIENT_TO_SERVER, Direction.SERVER_TO_CLIENT)
 }
 """Message class by direction and type on the wire."""
-
-PARTS: tuple[type[Part], ...] = tuple(
-    part for part in _CLASSES if issubclass(part, Part) and not issubclass(part, Message)
-)
-"""Maps that stand inside messages."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -3,47 +3,63 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .client_messages import Generation, Radius
-from .kinds import Choice, Flag, Integer, Number, NumberMap, Position, Text, Version, VersionList
+from .client_messages import KEY_DTYPE, Generation
+from .kinds import Binary, Choice, Flag, Integer, Number, NumberMap, Position, Rows, Text
 from .limits import (
     MAX_ATTRIBUTES,
-    MAX_HELD_SEGMENTS,
     MAX_INTEGER,
+    MAX_LEVELS,
     MAX_PLAN_SEGMENTS,
     MAX_RADIUS_M,
-    MAX_RELEASE_FACTOR,
+    MAX_SERVER_MESSAGE_BYTES,
 )
 from .message import Direction, Message, Part, PartKind
-from .tables import Ids, LoadTable
-from .welcome_parts import PullInfo, SceneInfo, ServerLimits
 
 __all__ = [
-    "Degraded",
+    "COARSER",
+    "FOLLOWS",
+    "SEGMENT_DTYPE",
     "Error",
-    "HeldChecked",
     "Hit",
+    "Limits",
     "Notice",
     "Picked",
     "Plan",
-    "Prefetch",
     "Ready",
-    "Superseded",
-    "Timings",
+    "SceneFacts",
     "Welcome",
 ]
+
+SEGMENT_DTYPE: Final = np.dtype(
+    [
+        ("key", "<u8"),
+        ("id", "<u4"),
+        ("bytes", "<u4"),
+        ("faces", "<u4"),
+        ("vertices", "<u4"),
+        ("flags", "<u4"),
+    ]
+)
+"""One row of ``plan.show``, 28 bytes."""
+
+FOLLOWS: Final = 1
+"""Flag of a row: its key was not in ``have``."""
+
+COARSER: Final = 2
+"""Flag of a row: the coarser level of the segment."""
 
 _U32 = 2**32 - 1
 
 Point = tuple[float, float, float]
-Blocks = Annotated[
-    NDArray[Any] | None,
-    Ids(MAX_PLAN_SEGMENTS),
-    "With `pull`: where the payload of each row begins in the pack, in blocks of 64 bytes",
+Bits = Annotated[
+    bytes | None,
+    Binary(MAX_SERVER_MESSAGE_BYTES),
+    "Base faces, one bit each, the lowest bit first, in a gzip stream",
 ]
 
 
@@ -56,212 +72,84 @@ class ServerMessage(Message):
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SceneFacts(Part):
+    """Which scene is served."""
+
+    id: Annotated[str, Text(128, shortest=1), "Id of the scene in URLs"]
+    name: Annotated[str, Text(256), "Name for people"]
+    version: Annotated[str, Text(64, shortest=1), "Changes whenever any byte does"]
+    segment_count: Annotated[int, Integer(0, _U32), "Segments"]
+    base_faces: Annotated[int, Integer(0, _U32), "Faces of the base mesh"]
+    levels: Annotated[int, Integer(1, MAX_LEVELS), "Levels of detail"]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Limits(Part):
+    """What this service allows on this connection."""
+
+    max_radius_m: Annotated[float, Number(0.0, MAX_RADIUS_M), "Largest radius"]
+    max_message_bytes: Annotated[int, Integer(1, MAX_INTEGER), "Largest message to the service"]
+    max_messages_per_s: Annotated[float, Number(0.0, 1e9), "Messages, averaged over 10 s"]
+    max_credit_bytes: Annotated[int, Integer(1, MAX_INTEGER), "Most credit; more is cut to it"]
+    idle_timeout_s: Annotated[float, Number(0.0, 1e9), "Silence after which the service closes"]
+    groups: Annotated[str, Choice("none", "here", "query"), "Where groups can be joined"]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Welcome(ServerMessage):
     """Answer to hello: the session is open."""
 
     TYPE: ClassVar[str] = "welcome"
 
-    protocol: Annotated[tuple[int, int], Version(), "Version spoken from now on"]
-    server: Annotated[str, Text(128), "Name and version of the server"]
-    session: Annotated[str, Text(64), "Id of the session, for logs of both sides"]
-    scene: Annotated[SceneInfo, PartKind(SceneInfo), "The scene"]
-    limits: Annotated[ServerLimits, PartKind(ServerLimits), "What the server allows"]
-    release_factor: Annotated[
-        float, Number(1.0, MAX_RELEASE_FACTOR), "Release radius / load radius in use"
-    ]
-    dropped: Annotated[
-        NDArray[Any],
-        Ids(MAX_HELD_SEGMENTS),
-        "Offered segments that this scene version does not have; the client frees them",
-    ]
-    held_count: Annotated[
-        int, Integer(0, MAX_HELD_SEGMENTS), "Offered segments that are accepted as held"
-    ]
-    pull: Annotated[
-        PullInfo | None,
-        PartKind(PullInfo),
-        "Where payload is fetched; present where hello asked for `pull` and the server grants it",
-    ] = None
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class HeldChecked(ServerMessage):
-    """Answer to held: what of it is accepted."""
-
-    TYPE: ClassVar[str] = "held_checked"
-
-    dropped: Annotated[
-        NDArray[Any],
-        Ids(MAX_HELD_SEGMENTS),
-        "Offered segments that this scene version does not have; the client frees them",
-    ]
-    held_count: Annotated[int, Integer(0, _U32), "Segments that are held by now"]
+    server: Annotated[str, Text(128), "Name and version of the service"]
+    session: Annotated[str, Text(64), "Id of the session, for logs"]
+    scene: Annotated[SceneFacts, PartKind(SceneFacts), "The scene"]
+    limits: Annotated[Limits, PartKind(Limits), "What the service allows"]
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Plan(ServerMessage):
-    """Answer to land: the one set of segments of this landing."""
+    """Answer to land: what is shown, and which base faces are hidden."""
 
     TYPE: ClassVar[str] = "plan"
 
     generation: Generation
-    position: Annotated[Point, Position(), "Centre, as received"]
-    radius_m: Radius
-    release_radius_m: Annotated[
-        float,
-        Number(0.0, MAX_RADIUS_M * MAX_RELEASE_FACTOR, low_excluded=True),
-        "Radius in metres within which held segments are kept",
-    ]
-    effective_radius_m: Annotated[
-        float,
-        Number(0.0, MAX_RADIUS_M),
-        "Everything nearer than this is shown: the largest radius, or less where a budget cut",
-    ]
+    show: Annotated[NDArray[Any], Rows(SEGMENT_DTYPE, MAX_PLAN_SEGMENTS), "Segments, nearest first"]
+    hidden: Bits
     inner_count: Annotated[
-        int, Integer(0, MAX_PLAN_SEGMENTS), "Segments of the plan within inner_radius_m"
+        int | None, Integer(0, MAX_PLAN_SEGMENTS), "Rows within inner_radius_m"
+    ] = None
+    inner_hidden: Bits = None
+    effective_radius_m: Annotated[
+        float, Number(0.0, MAX_RADIUS_M), "Everything nearer is in `show`"
     ]
-    load: Annotated[
-        NDArray[Any],
-        LoadTable(MAX_PLAN_SEGMENTS),
-        "Segments within radius_m that follow, in sending order",
-    ]
-    keep: Annotated[
-        NDArray[Any], Ids(MAX_PLAN_SEGMENTS), "Segments within radius_m that the client holds"
-    ]
-    nearby: Annotated[
-        NDArray[Any],
-        Ids(MAX_PLAN_SEGMENTS),
-        "Held segments beyond radius_m within release_radius_m: kept, not shown",
-    ]
-    load_bytes: Annotated[int, Integer(0, MAX_INTEGER), "Payload bytes of load, whole segments"]
-    load_triangles: Annotated[int, Integer(0, MAX_INTEGER), "Triangles of load"]
-    total_bytes: Annotated[int, Integer(0, MAX_INTEGER), "Payload bytes of load and keep"]
-    total_triangles: Annotated[int, Integer(0, MAX_INTEGER), "Triangles of load and keep"]
-    omitted_segments: Annotated[
-        int, Integer(0, _U32), "Segments within radius_m that a budget left out"
-    ]
+    omitted: Annotated[int, Integer(0, _U32), "Segments that a budget left out"]
     omitted_by: Annotated[
         str | None,
         Choice("max_triangles", "max_bytes", "max_segments", "max_gpu_bytes"),
-        "Budget that the first omitted segment would exceed; absent if none was omitted",
+        "The budget",
     ] = None
-    total_gpu_bytes: Annotated[
-        int | None,
-        Integer(0, MAX_INTEGER),
-        "GPU bytes of load, keep and nearby; present where hello bounds them",
+    pack: Annotated[str | None, Text(201), "Over HTTP: address of the pack"] = None
+    offsets: Annotated[
+        NDArray[Any] | None,
+        Rows(KEY_DTYPE, MAX_PLAN_SEGMENTS),
+        "Over HTTP: where the payload of each row begins in the pack",
     ] = None
-    blocks: Blocks = None
-
-    def contradiction(self) -> tuple[str, str] | None:
-        """Check the sums and that load, keep and nearby share no id."""
-        if int(self.load["length"].sum(dtype="u8")) != self.load_bytes:
-            return ("load_bytes", f"got {self.load_bytes}, expected the sum of load's lengths")
-        if int(self.load["faces"].sum(dtype="u8")) != self.load_triangles:
-            return (
-                "load_triangles",
-                f"got {self.load_triangles}, expected the sum of load's faces",
-            )
-        for total, share in (("total_bytes", "load_bytes"), ("total_triangles", "load_triangles")):
-            if getattr(self, total) < getattr(self, share):
-                return (total, f"got {getattr(self, total)}, expected at least {share}")
-        if (self.omitted_by is None) != (self.omitted_segments == 0):
-            return ("omitted_by", "got one of omitted_by and omitted_segments, expected both")
-        return self._overlap()
-
-    def _overlap(self) -> tuple[str, str] | None:
-        # Each list holds an id once already, so a repetition is one across lists.
-        ids = np.sort(np.concatenate((self.load["id"], self.keep, self.nearby)))
-        if not (ids[1:] == ids[:-1]).any():
-            return None
-        text = "got an id of {}, expected load, keep and nearby to be disjoint"
-        if np.isin(self.load["id"], self.keep).any():
-            return ("load", text.format("keep"))
-        if np.isin(self.nearby, self.keep).any():
-            return ("nearby", text.format("keep"))
-        return ("nearby", text.format("load"))
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Prefetch(ServerMessage):
-    """Answer to aim: what is sent ahead."""
-
-    TYPE: ClassVar[str] = "prefetch"
-
-    generation: Generation
-    segments: Annotated[NDArray[Any], LoadTable(MAX_PLAN_SEGMENTS), "Segments, in sending order"]
-    bytes: Annotated[int, Integer(0, MAX_INTEGER), "Payload bytes of segments, whole"]
-    blocks: Blocks = None
-
-    def contradiction(self) -> tuple[str, str] | None:
-        """Check that the lengths of `segments` add up to `bytes`."""
-        if int(self.segments["length"].sum(dtype="u8")) != self.bytes:
-            return ("bytes", f"got {self.bytes}, expected the sum of the segments' lengths")
-        return None
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Timings(Part):
-    """When the server did what for one landing, in microseconds since it received land."""
-
-    plan_us: Annotated[
-        int | None,
-        Integer(0, MAX_INTEGER),
-        "Plan handed to the socket; absent where the plan was still waiting for that",
-    ] = None
-    first_byte_us: Annotated[
-        int | None, Integer(0, MAX_INTEGER), "First chunk on its way; absent where there was none"
-    ] = None
-    last_byte_us: Annotated[
-        int | None, Integer(0, MAX_INTEGER), "Last chunk on its way; absent where there was none"
-    ] = None
-    ready_us: Annotated[int, Integer(0, MAX_INTEGER), "Ready decided"]
-    credit_wait_us: Annotated[
-        int,
-        Integer(0, MAX_INTEGER),
-        "How long there was payload to send and no credit: time that the client took",
-    ]
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Ready(ServerMessage):
-    """Every segment of the plan was sent whole, or is listed as missing."""
+    """Everything that follows was sent."""
 
     TYPE: ClassVar[str] = "ready"
 
     generation: Generation
-    delivered: Annotated[
-        int, Integer(0, MAX_PLAN_SEGMENTS), "Segments of load that were sent whole"
-    ]
-    payload_bytes: Annotated[
-        int, Integer(0, MAX_INTEGER), "Payload bytes sent in this generation's frames"
-    ]
     missing: Annotated[
-        NDArray[Any], Ids(MAX_PLAN_SEGMENTS), "Segments of the plan that cannot be delivered"
-    ]
-    timings: Annotated[Timings | None, PartKind(Timings), "Where hello asked for them"] = None
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Degraded(ServerMessage):
-    """The deadline has passed and the inner set is whole; streaming goes on to ready."""
-
-    TYPE: ClassVar[str] = "degraded"
-
-    generation: Generation
-    segments: Annotated[
-        NDArray[Any], Ids(MAX_PLAN_SEGMENTS), "The inner set: what may be shown already"
-    ]
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Superseded(ServerMessage):
-    """An unfinished generation was ended by a newer one."""
-
-    TYPE: ClassVar[str] = "superseded"
-
-    generation: Generation
-    by: Annotated[int, Integer(0, _U32), "The newer generation"]
-    unsent_bytes: Annotated[int, Integer(0, MAX_INTEGER), "Payload bytes that were not sent"]
+        NDArray[Any] | None,
+        Rows(KEY_DTYPE, MAX_PLAN_SEGMENTS),
+        "Keys of `show` that cannot be delivered",
+    ] = None
+    hidden: Bits = None
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -326,14 +214,9 @@ class Error(ServerMessage):
     ]
     message: Annotated[str, Text(1024), "What was received and what was expected, for people"]
     fatal: Annotated[bool, Flag(), "True: the server closes with the code's close code"]
-    generation: Annotated[int | None, Integer(0, _U32), "Generation of the refused aim or land"] = (
-        None
-    )
+    generation: Annotated[
+        int | None, Integer(0, _U32), "Generation of the refused landing or prefetch"
+    ] = None
     request: Annotated[
         int | None, Integer(0, _U32), "Request of the refused pick, join or gather"
-    ] = None
-    protocols: Annotated[
-        tuple[tuple[int, int], ...] | None,
-        VersionList(),
-        "With unsupported_version: the versions offered",
     ] = None

@@ -72,7 +72,7 @@ class SceneUrl:
 
     @classmethod
     def parse(cls, url: str) -> SceneUrl:
-        """Read a scene URL or a server URL (``spec/protocol-2.md``, section 2).
+        """Read a scene URL or a server URL (``spec/protocol.md``, section 2).
 
         Raises
         ------

@@ -6,7 +6,7 @@ and received messages, and after each call drains :meth:`SessionCore.events` and
 
 The server keeps no table of what the client holds: every ``land`` lists it. Segments that a
 landing listed or received stay in memory until the landing is shown. Section numbers are those of
-``spec/protocol-2.md``.
+``spec/protocol.md``.
 
 PURE: no I/O, no clock, no task.
 """
@@ -30,11 +30,10 @@ from terraport.options import SessionOptions, checked, point
 from terraport.seat import Seat
 from terraport_payload import PayloadError, box_distances_m, segment_bounds
 from terraport_payload.types import AnyArray
-from terraport_wire import protocol_2 as p2
 
 __all__ = ["SessionCore"]
 
-_NONE: Final = np.zeros(0, p2.KEY_DTYPE)
+_NONE: Final = np.zeros(0, wire.KEY_DTYPE)
 _MOST_FAILURES: Final = 2
 """Maximum deliveries of a damaged segment before its key is left out (4, rule 8)."""
 
@@ -47,14 +46,14 @@ class _Landing:
 
     number: int
     """The session's own number, the same over generations."""
-    wanted: p2.Land
+    wanted: wire.Land
     """The request, with generation 0 and an empty ``have``."""
     is_urgent: bool = False
     """Whether the inner set is enough: the deadline has passed."""
-    sent: p2.Land | None = None
+    sent: wire.Land | None = None
     """The message that was sent last; None while it waits to be sent."""
-    plan: p2.Plan | None = None
-    ready: p2.Ready | None = None
+    plan: wire.Plan | None = None
+    ready: wire.Ready | None = None
     hidden: bytes = b""
     """Base faces that are hidden when it is shown: one bit each, the lowest bit first."""
     waiting: set[int] = field(default_factory=set)
@@ -128,7 +127,7 @@ class SessionCore:
         self._open: list[_Landing] = []
         """Landings that are neither shown nor over, oldest first. The last one alone may be shown;
         the others go on if the server refuses it."""
-        self._aim: p2.Prefetch | None = None
+        self._aim: wire.Prefetch | None = None
         self._picks: dict[int, wire.Pick] = {}
         self._part: tuple[int, int, bytearray] | None = None
         """Key, total and what has come of the segment that is under way."""
@@ -236,11 +235,11 @@ class SessionCore:
         try:
             if wire.is_payload(data):
                 assert not isinstance(data, str)
-                frame = p2.decode_frame(data)
+                frame = wire.decode_frame(data)
                 if frame is not None:
                     self._on_frame(frame)
                 return
-            message = p2.decode(data, wire.Direction.SERVER_TO_CLIENT)
+            message = wire.decode(data, wire.Direction.SERVER_TO_CLIENT)
         except wire.DecodeError as error:
             raise ProtocolViolationError(str(error)) from error
         if not isinstance(message, wire.Unknown):
@@ -269,7 +268,7 @@ class SessionCore:
             A number that the protocol does not allow; nothing has changed.
         """
         wanted = checked(
-            lambda: p2.Land(
+            lambda: wire.Land(
                 generation=0,
                 position=point(position),
                 radius_m=radius_m,
@@ -305,7 +304,7 @@ class SessionCore:
             A number that the protocol does not allow; nothing has changed.
         """
         self._aim = checked(
-            lambda: p2.Prefetch(
+            lambda: wire.Prefetch(
                 generation=0,
                 position=point(position),
                 radius_m=radius_m,
@@ -320,7 +319,7 @@ class SessionCore:
         if self._aim is not None and self.is_open:
             aim, self._aim = self._aim, None
             self._generation += 1
-            self._outbox.append(p2.Prefetch(**_fields(aim) | self._held_near(aim)))
+            self._outbox.append(wire.Prefetch(**_fields(aim) | self._held_near(aim)))
 
     def pick(self, origin: Sequence[float], direction: Sequence[float] | None = None) -> int:
         """Pick along a ray; return the request's number in the events.
@@ -379,15 +378,15 @@ class SessionCore:
     # ---- messages
 
     def _on_message(self, message: wire.Message) -> None:
-        if isinstance(message, p2.Welcome):
+        if isinstance(message, wire.Welcome):
             self._on_welcome(message)
         elif isinstance(message, wire.Error):
             self._on_error(message)
         elif not self.is_open:
             raise ProtocolViolationError(f"got {message.TYPE} first, expected welcome or error")
-        elif isinstance(message, p2.Plan):
+        elif isinstance(message, wire.Plan):
             self._on_plan(message)
-        elif isinstance(message, p2.Ready):
+        elif isinstance(message, wire.Ready):
             landing = self._landing_of(message)
             if landing is not None and landing.plan is not None:
                 landing.ready = message
@@ -403,7 +402,7 @@ class SessionCore:
         else:
             self.seat.receive(message)
 
-    def _on_welcome(self, welcome: p2.Welcome) -> None:
+    def _on_welcome(self, welcome: wire.Welcome) -> None:
         if self.is_open or not self._greeting:
             raise ProtocolViolationError("got a second welcome, expected one")
         self.is_open, self._greeting = True, False
@@ -440,12 +439,12 @@ class SessionCore:
         self._events.append(core_events.Refused(error.code, error.message, error.fatal, number))
         self._update()  # an older landing continues (4, rule 7)
 
-    def _on_plan(self, plan: p2.Plan) -> None:
+    def _on_plan(self, plan: wire.Plan) -> None:
         landing = self._landing_of(plan)
         if landing is None:
             return
         assert landing.sent is not None
-        coarser = (plan.show["flags"] & p2.COARSER) > 0
+        coarser = (plan.show["flags"] & wire.COARSER) > 0
         if coarser.any():
             show = plan.show.copy()
             show["id"][coarser] += self._segment_count  # one id a payload, as users have it
@@ -473,7 +472,7 @@ class SessionCore:
         self._trim()
         self._update()
 
-    def _landing_of(self, message: p2.Plan | p2.Ready) -> _Landing | None:
+    def _landing_of(self, message: wire.Plan | wire.Ready) -> _Landing | None:
         """Return the landing that a message is about; None for one that is over."""
         if message.generation > self._generation:
             raise ProtocolViolationError(
@@ -487,7 +486,7 @@ class SessionCore:
 
     # ---- payload
 
-    def _on_frame(self, frame: p2.Frame) -> None:
+    def _on_frame(self, frame: wire.Frame) -> None:
         if not self.is_open:
             raise ProtocolViolationError("got payload first, expected welcome or error")
         self._take_credit(len(frame.data))
@@ -578,7 +577,7 @@ class SessionCore:
             number = dict(zip(plan.show["key"].tolist(), plan.show["id"].tolist(), strict=True))
             for key in lost:
                 landing.failures[key] += 1
-                full = len(landing.given_up) == p2.MAX_WITHOUT
+                full = len(landing.given_up) == wire.MAX_WITHOUT
                 if landing.failures[key] >= _MOST_FAILURES and not full:
                     landing.given_up[key] = number[key]
             self._ask_again(landing)
@@ -595,17 +594,17 @@ class SessionCore:
         landing.sent = landing.plan = landing.ready = None
         landing.waiting, landing.restoring = set(), set()
 
-    def _land_message(self, landing: _Landing) -> p2.Land:
+    def _land_message(self, landing: _Landing) -> wire.Land:
         """Return the ``land`` message of a landing, with the keys that are held."""
         self._generation += 1
         held = self._held_near(landing.wanted)
         landing.protected = set(held["have"].tolist())
         if landing.given_up:
-            held["without"] = np.array(sorted(landing.given_up), p2.KEY_DTYPE)
-        landing.sent = p2.Land(**_fields(landing.wanted) | held)
+            held["without"] = np.array(sorted(landing.given_up), wire.KEY_DTYPE)
+        landing.sent = wire.Land(**_fields(landing.wanted) | held)
         return landing.sent
 
-    def _held_near(self, place: p2.Land | p2.Prefetch) -> dict[str, Any]:
+    def _held_near(self, place: wire.Land | wire.Prefetch) -> dict[str, Any]:
         """Return the fields of a request that depend on the cache and the connection."""
         ring_m = place.coarse_radius_m
         if ring_m is not None:  # less coarse ground is better than no landing
@@ -617,7 +616,7 @@ class SessionCore:
             boxes[key] = entry.box
         have = _NONE
         if boxes:
-            keys = np.fromiter(boxes, p2.KEY_DTYPE, len(boxes))
+            keys = np.fromiter(boxes, wire.KEY_DTYPE, len(boxes))
             bounds = np.array(list(boxes.values()))
             distances = box_distances_m(bounds, place.position)
             # The server goes by the box of the finer level: a coarser one differs by a little.
@@ -625,7 +624,7 @@ class SessionCore:
                 bounds[:, 3:] - bounds[:, :3], axis=1
             )
             near = np.flatnonzero(distances <= reach)
-            have = keys[near[np.argsort(distances[near], kind="stable")][: p2.MAX_HAVE]]
+            have = keys[near[np.argsort(distances[near], kind="stable")][: wire.MAX_HAVE]]
         return {
             "generation": self._generation,
             "coarse_radius_m": ring_m,
@@ -658,7 +657,7 @@ class SessionCore:
         return self._requests
 
 
-def _fields(message: p2.Land | p2.Prefetch) -> dict[str, Any]:
+def _fields(message: wire.Land | wire.Prefetch) -> dict[str, Any]:
     return {each.name: getattr(message, each.name) for each in fields(message)}
 
 

@@ -103,7 +103,7 @@ class ServerError(TerraportError):
     """The server refused something, in the words of the wire protocol."""
 
     code: str
-    """Stable error code, for example ``"unauthorised"``; see ``spec/protocol-2.md``."""
+    """Stable error code, for example ``"unauthorised"``; see ``spec/protocol.md``."""
     message: str
     fatal: bool = False
     """True when the server closes the connection with it."""

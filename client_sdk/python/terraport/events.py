@@ -8,8 +8,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from terraport.cache import CachedSegment
-from terraport_wire import Gathered, Gathering, Hit, Joined, Notice, Roster
-from terraport_wire.protocol_2 import Land, Limits, Plan, SceneFacts
+from terraport_wire import (
+    Gathered,
+    Gathering,
+    Hit,
+    Joined,
+    Land,
+    Limits,
+    Notice,
+    Plan,
+    Roster,
+    SceneFacts,
+)
 
 __all__ = [
     "Event", "GroupEvent", "GroupRefused", "InnerWhole", "LandingEvent", "LandingSent", "Opened",

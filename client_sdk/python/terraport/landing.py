@@ -22,7 +22,7 @@ from terraport.mesh import to_trimesh
 from terraport.trace import LandingTrace, SegmentMark
 from terraport_payload import SegmentMesh, decode_segment
 from terraport_payload.types import AnyArray, Bool
-from terraport_wire.protocol_2 import FOLLOWS
+from terraport_wire import FOLLOWS
 
 if TYPE_CHECKING:
     import trimesh

@@ -36,8 +36,7 @@ from terraport.errors import (
 )
 from terraport.events import Event, Opened, Refused, Shown
 from terraport.options import Timeouts
-from terraport_wire import MAX_SERVER_MESSAGE_BYTES, CloseCode, ErrorCode, Notice
-from terraport_wire.protocol_2 import SUBPROTOCOL
+from terraport_wire import MAX_SERVER_MESSAGE_BYTES, SUBPROTOCOL, CloseCode, ErrorCode, Notice
 
 __all__ = ["Link"]
 

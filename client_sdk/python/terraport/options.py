@@ -12,8 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from terraport.errors import UsageError
-from terraport_wire import Budgets, InvalidMessageError, Message
-from terraport_wire.protocol_2 import Hello
+from terraport_wire import Budgets, Hello, InvalidMessageError, Message
 
 __all__ = ["SessionOptions", "Timeouts", "checked", "point"]
 

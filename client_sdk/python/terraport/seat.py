@@ -1,6 +1,6 @@
 """Group membership of a client: its seat, the group's state, and open requests.
 
-PURE: no I/O, no clock. ``spec/wire-protocol.md``, section 16.
+PURE: no I/O, no clock. ``spec/protocol.md``, section 10.
 """
 
 from __future__ import annotations

@@ -51,8 +51,7 @@ from terraport.outside import CallerLine, SceneBox
 from terraport.places import CoarserPiece, Place
 from terraport.version import __version__
 from terraport_payload.types import Bool
-from terraport_wire import Hit, Join, Notice
-from terraport_wire.protocol_2 import Limits, SceneFacts
+from terraport_wire import Hit, Join, Limits, Notice, SceneFacts
 
 __all__ = ["DEFAULT_CACHE_BYTES", "Connecting", "Session", "SessionStats", "connect"]
 

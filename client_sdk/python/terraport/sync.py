@@ -33,7 +33,7 @@ from terraport.errors import SessionClosedError
 from terraport.group import Arrivals, GroupFacts, GroupLandingFacts
 from terraport.landing import LandingFacts
 from terraport_payload.types import Bool
-from terraport_wire.protocol_2 import Limits, SceneFacts
+from terraport_wire import Limits, SceneFacts
 
 __all__ = ["Group", "GroupLanding", "Landing", "Session", "connect"]
 

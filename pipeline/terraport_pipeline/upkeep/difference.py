@@ -1,8 +1,8 @@
 """``terraport diff``: what differs between two scenes, or a scene's version and the one before.
 
-Segments are compared as a service compares what clients offer it: a segment is held where its
-number and the hash of its payload are the same (``spec/wire-protocol.md``, section 5, rule 3). So
-what is not kept is what a client with the one in its cache loads for the other.
+A segment is the same where its number and the hash of its payload are. Clients go by the hash alone
+(``spec/protocol.md``, section 1): a client with the one in its cache loads for the other what is
+not kept, or less.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """State machine of groups: members, group landings, and arrivals.
 
 PURE: no I/O, no clock, no randomness; times are seconds on one monotonic clock of the caller.
-Section numbers in comments are those of spec/wire-protocol.md.
+Section numbers in comments are those of spec/protocol.md.
 
 The caller identifies each connection by a key, calls :meth:`Groups.join` and the other methods, and
 then delivers the messages that :meth:`Groups.take_messages` returns. Timeouts are handled by
@@ -19,7 +19,6 @@ import numpy as np
 from terraport_payload.types import AnyArray
 from terraport_server.groups.state import Barrier, Group, GroupLimits, Place, Seat
 from terraport_wire import (
-    ID_DTYPE,
     Gather,
     Gathered,
     Join,
@@ -34,7 +33,7 @@ _NEWS_PERIOD_S: Final = 0.25
 leave repeatedly cause at most four messages per second to each other member."""
 
 _POSITIONS_PERIOD_S: Final = 1.0
-"""Minimum seconds to a roster in which only positions changed (16.4)."""
+"""Minimum seconds to a roster in which only positions changed (10.4)."""
 
 
 class Groups:
@@ -87,7 +86,7 @@ class Groups:
         owner: Hashable = None,
         place: Place | None = None,
     ) -> str | None:
-        """Take a new seat, or again a kept one (16.1); return the reason of a refusal.
+        """Take a new seat, or again a kept one (10.1); return the reason of a refusal.
 
         At a limit, groups and seats kept for lost connections are removed first.
 
@@ -177,7 +176,7 @@ class Groups:
             self._update_timer(group)
 
     def gather(self, key: Hashable, gather: Gather, now_s: float) -> str | None:
-        """Start a group landing (16.2); return the reason of a refusal."""
+        """Start a group landing (10.2); return the reason of a refusal."""
         membership = self._find(key)
         if membership is None:
             return "got gather without a seat in a group, expected join first"
@@ -195,7 +194,7 @@ class Groups:
         return None
 
     def arrived(self, key: Hashable, number: int, state: str) -> None:
-        """Record a member's state in a group landing; ignored once that is over (16.2)."""
+        """Record a member's state in a group landing; ignored once that is over (10.2)."""
         membership = self._find(key)
         if membership is None:
             return
@@ -206,7 +205,7 @@ class Groups:
             self._open_if_complete(group)
 
     def landed(self, key: Hashable, place: Place, now_s: float) -> None:
-        """Record a member's position and send it to the others within a second (16.1, 16.4)."""
+        """Record a member's position and send it to the others within a second (10.1, 10.4)."""
         membership = self._find(key)
         if membership is None or membership[1].place == place:
             return
@@ -326,7 +325,7 @@ class Groups:
         self._update_timer(group)
 
     def _open_if_complete(self, group: Group) -> None:
-        """End a group landing if all members are ready or declined (16.3)."""
+        """End a group landing if all members are ready or declined (10.3)."""
         barrier = group.barrier
         if group.gathering_due_s is not None:
             return  # gathering must be sent before gathered
@@ -382,4 +381,4 @@ class Groups:
 
 
 def _ids(numbers: list[int]) -> AnyArray:
-    return np.array(numbers, dtype=ID_DTYPE)
+    return np.array(numbers, dtype=np.uint32)

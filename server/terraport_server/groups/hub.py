@@ -17,7 +17,7 @@ from terraport_wire import Arrived, Gather, Join, Message
 __all__ = ["GroupHub", "GroupMember"]
 
 _SECRET_BYTES: Final = 16
-"""128 bits, as the protocol requires (16.1)."""
+"""128 bits, as the protocol requires (10.1)."""
 
 
 class GroupHub:

@@ -102,7 +102,7 @@ class Group:
         return next((seat for seat in self.seats.values() if seat.secret == secret), None)
 
     def roster(self) -> Roster:
-        """Return the members and their positions; never a secret (16.1)."""
+        """Return the members and their positions; never a secret (10.1)."""
         members = tuple(
             Member(
                 member=seat.number,

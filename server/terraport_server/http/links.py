@@ -44,7 +44,6 @@ def links_of(served: ServedScene) -> dict[str, str]:
         "self": root,
         "stream": f"{root}/stream",
         "base": f"{root}/{BASE}{query}",
-        "cover": f"{root}/base.cover{query}",
         "regions": f"{root}/regions.json{query}",
         "labels": f"{root}/labels.json",
         "segment": f"{root}/segments/{{segment}}.glb{query}",

@@ -1,7 +1,7 @@
 """A plan without a session: what a landing shows, with the places of the payloads in the pack.
 
 ``GET /scenes/ID/v-.../plan?x=X&y=Y&z=Z&radius_m=R`` never changes under its address, so proxies and
-browsers keep it (spec/protocol-2.md, section 7).
+browsers keep it (spec/protocol.md, section 7).
 """
 
 from __future__ import annotations
@@ -21,10 +21,9 @@ from terraport_server.http.responses import (
     is_unchanged,
     token_of,
 )
-from terraport_server.session.interface import SceneView
-from terraport_server.session.plan_2 import budgets_of, choose, plan_of
-from terraport_wire import Budgets, ErrorCode, InvalidMessageError, encode
-from terraport_wire.protocol_2 import KEY_DTYPE, Land
+from terraport_server.scenes.served_scene import ServedScene
+from terraport_server.session.plan import budgets_of, choose, plan_of
+from terraport_wire import KEY_DTYPE, Budgets, ErrorCode, InvalidMessageError, Land, encode
 
 __all__ = ["plan_routes"]
 
@@ -92,7 +91,7 @@ async def get_plan(
     if max(radius_m, coarse_radius_m or 0.0) > limits.max_radius_m:
         text = f"got a radius beyond {limits.max_radius_m:g}, expected at most that"
         raise RequestError(400, ErrorCode.RADIUS_TOO_LARGE, text)
-    if served.view.pull is None:  # in object storage, and no setting says where clients find it
+    if served.pack_address is None:  # in object storage, and no setting says where clients find it
         raise UnknownSceneError(scene_id, served.version)
     planned: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
 
@@ -100,7 +99,7 @@ async def get_plan(
         if planned.done():  # the client is gone
             return
         try:
-            planned.set_result(_plan(served.view, land, budgets, limits.max_plan_segments))
+            planned.set_result(_plan(served, land, budgets, limits.max_plan_segments))
         except Exception as error:  # noqa: BLE001 - is raised where it is awaited
             planned.set_exception(error)
 
@@ -109,11 +108,9 @@ async def get_plan(
     return Response(await planned, media_type="application/msgpack", headers=headers)
 
 
-def _plan(scene: SceneView, land: Land, budgets: Budgets, max_segments: int) -> bytes:
+def _plan(served: ServedScene, land: Land, budgets: Budgets, max_segments: int) -> bytes:
     """Return the plan message, of which every row follows."""
-    assert scene.pull is not None
-    base, path = scene.pull.info.base, scene.pull.info.pack
-    pack = base + path if "://" in base else path.rpartition("/")[2]
+    scene = served.view
     ball = choose(
         scene,
         land.position,
@@ -128,7 +125,7 @@ def _plan(scene: SceneView, land: Land, budgets: Budgets, max_segments: int) -> 
             ball,
             0,
             inner_radius_m=land.inner_radius_m,
-            offsets=scene.pull.offsets,
-            pack=pack,
+            offsets=served.scene.rows.offset,
+            pack=served.pack_address,
         )
     )

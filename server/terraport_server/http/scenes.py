@@ -11,13 +11,11 @@ from hashlib import sha256
 from http import HTTPStatus
 from typing import Annotated, Any
 
-import xxhash
 from fastapi import APIRouter, Depends, FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, PlainTextResponse, StreamingResponse
 from starlette.exceptions import HTTPException
 
-from terraport_payload import PayloadError
 from terraport_server.auth.gate import TokenPass
 from terraport_server.errors import AccessError, RequestError, UnknownSceneError, http_status
 from terraport_server.http.links import (
@@ -120,24 +118,8 @@ async def get_scene(
         links = {**links, "strokes": f"{scene_path(served.id)}/strokes"}
     added = json.dumps({"id": served.id, "links": links}).encode()
     headers = {"Cache-Control": CHECK, "ETag": f'"{served.version}"', "Vary": "Authorization"}
-    document = await _with_glbs(served, served.manifest_json[:-1] + b"," + added[1:])
+    document = served.manifest_json[:-1] + b"," + added[1:]
     return Response(document, media_type="application/json", headers=headers)
-
-
-async def _with_glbs(served: ServedScene, document: bytes) -> bytes:
-    """Add base and overview as GLB to the files of a manifest, for clients that read those.
-
-    Temporary: delete it when no client reads base.glb any more.
-    """
-    manifest = served.scene.manifest
-    before, files, after = document.rpartition(b'"files":{')
-    for key in {BASE, OVERVIEW} & set(manifest.files):
-        with contextlib.suppress(PayloadError, OSError):
-            data, name = await served.glb(key), key.replace(".tsg", ".glb")
-            path, xxh3 = f"{manifest.folder}/{name}", xxhash.xxh3_64_hexdigest(data)
-            line = {"path": path, "bytes": len(data), "xxh3": xxh3}
-            files += f'"{name}":{json.dumps(line)},'.encode()
-    return before + files + after
 
 
 @_router.get("/scenes/{scene_id}/base.tsg", summary="The base mesh")
@@ -155,14 +137,6 @@ def get_overview(
     """Return the overview; 404 for a small base, which needs none."""
     require_file(served, OVERVIEW)
     return _file(request, served, OVERVIEW, MEDIA_TYPE, v, service)
-
-
-@_router.get("/scenes/{scene_id}/base.cover", summary="Segments over each base face")
-def get_cover(
-    request: Request, served: SceneOfRequest, service: ServiceOfRequest, v: str | None = None
-) -> Response:
-    """Return the cover (spec/scene-format.md)."""
-    return _file(request, served, "base.cover", "application/octet-stream", v, service)
 
 
 @_router.get("/scenes/{scene_id}/regions.json", summary="Facts about the regions")

@@ -8,7 +8,6 @@ import logging
 import secrets
 from dataclasses import dataclass
 from time import monotonic
-from typing import Final
 
 from starlette.responses import JSONResponse
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -28,7 +27,6 @@ from terraport_server.session.session import (
     Session,
     no_hello_text,
 )
-from terraport_server.session.session_2 import Session2
 from terraport_server.stream.connection import REFUSED_CLOSE_S, connection_of
 from terraport_server.stream.sender import Sender
 from terraport_server.stream.session_log import SessionLog, note_error
@@ -44,14 +42,10 @@ from terraport_wire import (
     Message,
     decode,
     encode,
-    protocol_2,
     token_from_subprotocols,
 )
 
 __all__ = ["stream"]
-
-_SESSIONS: Final = {protocol_2.SUBPROTOCOL: Session2, SUBPROTOCOL: Session}
-"""Session by subprotocol; the first that the client offers as well is spoken."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +61,7 @@ class _Refusal:
 async def stream(websocket: WebSocket, scene_id: str, service: Service) -> None:
     """Serve one client from handshake to close."""
     offered = list(websocket.scope["subprotocols"])
-    spoken = next((name for name in _SESSIONS if name in offered), None)
+    spoken = SUBPROTOCOL if SUBPROTOCOL in offered else None
     client_ip = websocket.client.host if websocket.client is not None else "unknown"
     connection = connection_of(websocket.scope)
     if not has_free_descriptors():
@@ -80,7 +74,7 @@ async def stream(websocket: WebSocket, scene_id: str, service: Service) -> None:
         service.metrics.errors.labels(ErrorCode.UNSUPPORTED_VERSION).inc()
         service.metrics.refused.labels("version").inc()
         connection.close_within(REFUSED_CLOSE_S)
-        await websocket.close(int(CloseCode.VERSION), f"offered: {', '.join(_SESSIONS)}")
+        await websocket.close(int(CloseCode.VERSION), f"offered: {SUBPROTOCOL}")
         return
     with contextlib.suppress(WebSocketDisconnect):
         outcome = _authorise(websocket, scene_id, offered, service)
@@ -90,7 +84,7 @@ async def stream(websocket: WebSocket, scene_id: str, service: Service) -> None:
             if full is not None:
                 outcome = _Refusal(ErrorCode.TOO_MANY, full[1], full[0])
         if not isinstance(outcome, _Refusal):
-            await _serve(websocket, scene_id, outcome, client_ip, service, _SESSIONS[spoken])
+            await _serve(websocket, scene_id, outcome, client_ip, service)
             return
         service.metrics.refused.labels(outcome.reason).inc()
         note_error(service.metrics, service.once, outcome.code, outcome.text, client_ip=client_ip)
@@ -103,7 +97,6 @@ async def _serve(
     token_pass: TokenPass | None,
     client_ip: str,
     service: Service,
-    session_class: type[Session],
 ) -> None:
     """Run the session of a client from its first message to its last.
 
@@ -113,8 +106,7 @@ async def _serve(
     try:
         served = service.registry.get(scene_id)
     except UnknownSceneError:  # reported only to clients whose hello has a valid token
-        speaks_2 = session_class is Session2
-        code, text = await _refusal_of_unknown_scene(websocket, scene_id, service, speaks_2)
+        code, text = await _refusal_of_unknown_scene(websocket, scene_id, service)
         service.metrics.refused.labels(str(code)).inc()
         note_error(service.metrics, service.once, code, text, client_ip=client_ip)
         await _refuse(websocket, code, text)
@@ -169,7 +161,7 @@ async def _serve(
             scene_id, named_by_url, may_guide=may_guide, deliver=deliver, owner=owner
         )
     # The session is pure; the sender carries out its actions.
-    session = session_class(
+    session = Session(
         served.view,
         service.session_limits,
         session_id=session_id,
@@ -207,7 +199,6 @@ async def _serve(
         logging.getLogger("terraport.server").exception("session failed")
         await _refuse(websocket, ErrorCode.INTERNAL, INTERNAL_TEXT)
     finally:
-        session.ended()
         if member is not None:
             member.close(monotonic())
         service.access.remove(watched)
@@ -251,7 +242,7 @@ def _authorise(
 
 
 async def _refusal_of_unknown_scene(
-    websocket: WebSocket, scene_id: str, service: Service, speaks_2: bool
+    websocket: WebSocket, scene_id: str, service: Service
 ) -> tuple[ErrorCode, str]:
     """Return the error of an unknown scene, without a valid token the same as of a known one."""
     try:
@@ -265,11 +256,10 @@ async def _refusal_of_unknown_scene(
     data: bytes | str = event["bytes"] if text is None else text
     try:
         most_bytes = service.session_limits.max_message_bytes
-        decoder = protocol_2.decode if speaks_2 else decode
-        message = decoder(data, Direction.CLIENT_TO_SERVER, max_bytes=most_bytes)
+        message = decode(data, Direction.CLIENT_TO_SERVER, max_bytes=most_bytes)
     except DecodeError as error:
         return error.code, str(error)
-    token = message.token if isinstance(message, Hello | protocol_2.Hello) else None
+    token = message.token if isinstance(message, Hello) else None
     code = service.gate.check(token, scene_id)
     if code is not None:
         return code, UNAUTHORISED_TEXT

@@ -17,12 +17,11 @@ import xxhash
 
 from terraport_payload.hidden import HiddenFaces
 from terraport_payload.texture import gpu_texture_bytes
-from terraport_server.session.interface import PullView, SceneView
 from terraport_server.descriptors import is_shortage
-from terraport_server.logging import SomePerMinute, log
 from terraport_server.fair_queue import PickQueue
+from terraport_server.logging import SomePerMinute, log
 from terraport_server.scenes.payload_reader import PayloadReader
-from terraport_server.session.interface import SegmentTable
+from terraport_server.session.interface import SceneView, SegmentTable
 from terraport_store import (
     RegionNames,
     Scene,
@@ -31,7 +30,7 @@ from terraport_store import (
 )
 from terraport_store.labels import encode_labels
 from terraport_store.layout import ENCODING
-from terraport_wire import BLOCK_BYTES, Hit, PullInfo
+from terraport_wire import Hit
 
 __all__ = ["LabelsFile", "ServedScene"]
 
@@ -97,11 +96,6 @@ class ServedScene:
             When a file cannot be read.
         """
         scene, names = _open(scene_id, location)
-        pull_base = None
-        if pull_base_url is not None:
-            pull_base = f"{pull_base_url.rstrip('/')}/{quote(scene_id, safe='')}/"
-        elif not fetch_threads:
-            pull_base = f"scenes/{quote(scene_id, safe='')}/"
         self.id = scene_id
         self.scene = scene
         # Reads that may wait for a network have threads of this scene alone.
@@ -132,22 +126,27 @@ class ServedScene:
             id=scene_id,
             version=self.version,
             name=scene.manifest.name,
-            encodings={
-                encoding: SegmentTable(
-                    bounds=index.bounds,
-                    lengths=scene.index_for(encoding).length,
-                    hashes=scene.index_for(encoding).xxh3,
-                    faces=index.face_count,
-                    vertices=index.vertex_count,
-                    texture_bytes=gpu_texture_bytes(index.texture),
-                    levels=scene.manifest.levels,
-                )
-                for encoding in scene.manifest.encodings
-            },
+            table=SegmentTable(
+                bounds=index.bounds,
+                lengths=index.length,
+                hashes=index.xxh3,
+                faces=index.face_count,
+                vertices=index.vertex_count,
+                texture_bytes=gpu_texture_bytes(index.texture),
+                levels=scene.manifest.levels,
+            ),
             within=scene.within,
-            pull=None if pull_base is None else _pull_view(scene, pull_base),
             hidden_faces=HiddenFaces(scene.cover, scene.manifest.counts.segments),
         )
+        self.pack_address: str | None = None
+        """Address of the pack for clients, absolute or relative to the plan's; None where they
+        cannot fetch it: in object storage without a base URL."""
+        folder, _, name = self.pack_path.rpartition("/")
+        if pull_base_url is not None:
+            base = f"{pull_base_url.rstrip('/')}/{quote(scene_id, safe='')}"
+            self.pack_address = f"{base}/{folder}/{name}"
+        elif not fetch_threads:
+            self.pack_address = name
         self.hashes = index.xxh3.data
         """xxh3 of each payload. A memoryview: one item of an array takes four times as long."""
         self._readers = readers
@@ -276,14 +275,3 @@ def _open(scene_id: str, location: Path | SceneFiles) -> tuple[Scene, RegionName
     # Facts about regions are for tools, which read the file; here they would take memory.
     scene.__dict__.pop("regions", None)
     return scene, names
-
-
-def _pull_view(scene: Scene, base: str) -> PullView | None:
-    """Return where clients fetch a scene's payloads; None where offsets exceed the wire format."""
-    manifest = scene.manifest
-    pack = manifest.files[manifest.encodings[ENCODING].pack]
-    offsets = scene.rows.offset
-    if int(offsets[-1]) // BLOCK_BYTES >= 1 << 32 or (offsets % BLOCK_BYTES).any():
-        return None
-    info = PullInfo(base=base, pack=pack.path, pack_bytes=pack.bytes)
-    return PullView(info=info, offsets=offsets)

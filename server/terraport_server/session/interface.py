@@ -5,7 +5,7 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -20,7 +20,6 @@ from terraport_wire import (
     Gather,
     Join,
     Message,
-    PullInfo,
 )
 
 __all__ = [
@@ -30,7 +29,6 @@ __all__ = [
     "GroupPort",
     "MakePlan",
     "Observer",
-    "PullView",
     "RunPick",
     "SceneView",
     "SegmentTable",
@@ -42,7 +40,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class SegmentTable:
-    """Table of the S segments of a scene in one payload encoding, as the planner needs it.
+    """Table of the S segments of a scene, as plans need it.
 
     Rows 0 to S - 1 are the segments at full detail, S to 2 S - 1 those at the coarser level.
     """
@@ -73,29 +71,17 @@ class SegmentTable:
 
 
 @dataclass(frozen=True, slots=True)
-class PullView:
-    """Where pull clients fetch the payloads of a scene over HTTP."""
-
-    info: PullInfo
-    offsets: UInt64
-    """Byte offset of each segment in the pack: multiples of 64, below 2^38."""
-
-
-@dataclass(frozen=True, slots=True)
 class SceneView:
     """Part of a served scene that a session uses."""
 
     id: str
     version: str
     name: str
-    encodings: Mapping[str, SegmentTable]
-    """One table per payload encoding; at least one, all of the same length."""
+    table: SegmentTable
     within: Callable[[Sequence[float], float], Int64]
     """Return the ids of segments whose box is within a radius of a point; metres, scene frame."""
-    pull: PullView | None = None
-    """None if the scene cannot be pulled."""
-    hidden_faces: HiddenFaces | None = None
-    """None only for tests of protocol 1."""
+    hidden_faces: HiddenFaces
+    """Which base faces are under which segments."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,11 +89,9 @@ class SessionLimits:
     """Limits of one session. Some are settings: docs/topics/settings.md."""
 
     server: str = "terraport"
-    release_factor: float = 1.25
     max_radius_m: float = 500.0
     max_message_bytes: int = 1 << 20
     max_messages_per_s: float = 60.0
-    max_held_segments: int = 32_768
     max_plan_segments: int = 16_384
     max_credit_bytes: int = 64 << 20
     max_picks: int = 8
@@ -140,7 +124,7 @@ class SendChunk(NamedTuple):
     length: int
     total: int
     landing: bool
-    """False for an aim, which has lower priority."""
+    """False for a prefetch, which has lower priority."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,13 +176,7 @@ class Observer:
         """Record the ``ready`` of a landing, in seconds since ``land`` was received."""
 
     def superseded(self, generation: int, unsent_bytes: int, *, landing: bool) -> None:
-        """Record a generation that ended unfinished."""
-
-    def aim_ended(self, sent_bytes: int, used_bytes: int) -> None:
-        """Record how much of the payload sent for aims a landing used; the rest was wasted."""
-
-    def aim_judged(self, *, hit: bool) -> None:
-        """Record a landing after an aim; a hit needed nothing that the aim had not sent."""
+        """Record a landing or prefetch that a newer one ended."""
 
     def credit_stalled(self, *, stalled: bool) -> None:
         """Record that payload began or ceased to wait for the client's credit."""

@@ -1,6 +1,6 @@
-"""The landing and the prefetch of one client, and the payload that they still need (protocol 2).
+"""The landing and the prefetch of one client, and the payload that they still need.
 
-PURE: no I/O, no clock. Section numbers are those of spec/protocol-2.md.
+PURE: no I/O, no clock. Section numbers are those of spec/protocol.md.
 """
 
 from __future__ import annotations
@@ -13,16 +13,8 @@ import numpy as np
 
 from terraport_payload.types import Int64
 from terraport_server.session.interface import Observer, SceneView, SendChunk, SessionLimits
-from terraport_server.session.plan_2 import (
-    Ball,
-    budgets_of,
-    choose,
-    hidden_under,
-    plan_of,
-    table_of,
-)
-from terraport_wire import MAX_CHUNK_BYTES, Message
-from terraport_wire.protocol_2 import Hello, Land, Prefetch, Ready
+from terraport_server.session.plan import Ball, budgets_of, choose, hidden_under, plan_of
+from terraport_wire import MAX_CHUNK_BYTES, Hello, Land, Message, Prefetch, Ready
 
 __all__ = ["Landings"]
 
@@ -81,9 +73,8 @@ class Landings:
         send: Callable[[Message], None],
         observer: Observer,
     ) -> None:
-        self.encoding = next(iter(scene.encodings))
         self._scene = scene
-        self._table = table_of(scene)
+        self._table = scene.table
         self._max_credit_bytes = limits.max_credit_bytes
         self._budgets = budgets_of(hello.budgets, limits.max_plan_segments)
         self._send = send
@@ -118,12 +109,7 @@ class Landings:
             self._waiting_prefetch is not None and self._landing is None
         )
 
-    @property
-    def deadline_s(self) -> None:
-        """No time but the session's own ends anything: the client knows how long its user waits."""
-        return
-
-    def grant(self, credit_bytes: int, _now_s: float) -> None:
+    def grant(self, credit_bytes: int) -> None:
         """Add credit, up to the limit (6)."""
         self.credit_bytes = min(self.credit_bytes + credit_bytes, self._max_credit_bytes)
         self._note_stall()
@@ -178,7 +164,7 @@ class Landings:
             ball, self._prefetch = self._begin(prefetch)
         else:
             return 0
-        self.settle(now_s)
+        self._settle(now_s)
         return ball.looked_at
 
     def upcoming(self, most: int) -> list[int]:
@@ -224,21 +210,21 @@ class Landings:
                 transfer.queue.popleft()
                 transfer.delivered += 1
                 self._on_way.append((self._sent_bytes, chunk.segment))
-        self.settle(now_s)
+        self._settle(now_s)
 
-    def payload_failed(self, _chunk: SendChunk, now_s: float) -> None:
+    def payload_failed(self, now_s: float) -> None:
         """Report as missing the segment of the first chunk of the newest :meth:`next_chunks`."""
         transfer = self._sending()
         assert transfer is not None
         self._partly_sent = None
         transfer.missing.append(transfer.queue.popleft())
-        self.settle(now_s)
+        self._settle(now_s)
 
     def plan_sent(self, generation: int, now_s: float) -> None:
         """Record that the plan of a generation was handed to the socket."""
         self._observer.plan_sent(generation, now_s - self._received_s)
 
-    def settle(self, now_s: float) -> None:
+    def _settle(self, now_s: float) -> None:
         """Send ``ready`` if it is due."""
         landing = self._landing
         if landing is not None and not landing.queue:
@@ -257,9 +243,6 @@ class Landings:
                 seconds=now_s - landing.received_s,
             )
         self._note_stall()
-
-    def end(self) -> None:
-        """Do nothing: when the connection is closed, nothing is left to report."""
 
     def _begin(self, wanted: Land | Prefetch) -> tuple[Ball, _Transfer]:
         """Choose what is shown, and queue what is neither at the client nor on its way (4)."""

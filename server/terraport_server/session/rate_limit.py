@@ -5,13 +5,10 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-__all__ = ["HELD_ROWS_PER_MESSAGE", "RATE_WINDOW_S", "RateLimit", "RatesByName"]
-
-HELD_ROWS_PER_MESSAGE = 4096
-"""Rows of ``held`` that cost as much as one message."""
+__all__ = ["RATE_WINDOW_S", "RateLimit", "RatesByName"]
 
 RATE_WINDOW_S = 10.0
-"""Seconds over which the rate is averaged (spec/wire-protocol.md, section 12)."""
+"""Seconds over which the rate is averaged (spec/protocol.md, section 9)."""
 
 _MAX_NAMES = 1000
 
@@ -45,14 +42,14 @@ class RateLimit:
         window = f"{self.per_s:g} per second in {RATE_WINDOW_S:g} s"
         return f"got more messages than {window}, expected fewer"
 
-    def take(self, now_s: float, count: int = 1) -> bool:
-        """Take ``count`` tokens; return ``False``, taking none, if there are fewer."""
+    def take(self, now_s: float) -> bool:
+        """Take a token; return ``False`` if there is none."""
         gained = max(0.0, now_s - self._filled_s) * self.per_s
         self._tokens = min(self._most, self._tokens + gained)
         self._filled_s = max(self._filled_s, now_s)
-        if self._tokens < count:
+        if self._tokens < 1:
             return False
-        self._tokens -= count
+        self._tokens -= 1
         return True
 
 

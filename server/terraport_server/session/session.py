@@ -5,7 +5,7 @@ PURE: no I/O, no clock, no task. Times are seconds on one monotonic clock of the
 The caller feeds :meth:`Session.receive`, :meth:`Session.refuse`, :meth:`Session.heard`,
 :meth:`Session.tick` and events of the server, and carries out what :meth:`Session.next_action`
 returns, in that order, until it returns ``None``. Messages precede plans, plans precede payload,
-and a landing's payload precedes an aim's. Section numbers are those of spec/wire-protocol.md.
+and a landing's payload precedes a prefetch's. Section numbers are those of spec/protocol.md.
 """
 
 from __future__ import annotations
@@ -27,43 +27,33 @@ from terraport_server.session.interface import (
     SessionLimits,
 )
 from terraport_server.session.landings import Landings
-from terraport_server.session.rate_limit import HELD_ROWS_PER_MESSAGE, RateLimit
-from terraport_server.session.transfers import Transfers
+from terraport_server.session.rate_limit import RateLimit
 from terraport_wire import (
     CLOSE_CODES,
-    PROTOCOL,
-    Aim,
     Arrived,
     Bye,
     CloseCode,
     Credit,
     DecodeError,
-    Direction,
     Error,
     ErrorCode,
-    Evict,
     FieldError,
     Gather,
-    Held,
-    HeldChecked,
     Hello,
     Hit,
     Join,
     Joined,
     Land,
     Leave,
+    Limits,
     Message,
     Notice,
     Pick,
     Picked,
-    Reject,
-    SceneInfo,
-    ServerLimits,
+    Prefetch,
+    SceneFacts,
     Unknown,
     Welcome,
-    decode,
-    frame_header,
-    protocol_2,
 )
 
 __all__ = ["INTERNAL_TEXT", "UNAUTHORISED_TEXT", "Session", "no_hello_text"]
@@ -123,12 +113,12 @@ class Session:
         self._observer = observer or Observer()
         self._actions: list[Action] = []  # an empty deque would take 0.8 KB per session
         self._group_news: dict[str, Message] = {}
-        """Newest message of each type about the group, sent after all actions (16.4)."""
+        """Newest message of each type about the group, sent after all actions (10.4)."""
         self.closing = False
         """Whether the session is over except for its pending actions."""
         self._groups = groups
         self._place: Place | None = None
-        """Centre of the newest accepted landing: the member's position on joining (16.1)."""
+        """Centre of the newest accepted landing: the member's position on joining (10.1)."""
         self._opened_s = self._heard_s = now_s
         self._rate = RateLimit(limits.max_messages_per_s, now_s=now_s)
         self._draining_until_s: float | None = None
@@ -136,7 +126,7 @@ class Session:
         self._open_picks = 0
         self._published: str | None = None
         """Newest scene version published before the welcome."""
-        self._transfers: Transfers | Landings | None = None
+        self._landings: Landings | None = None
 
     @property
     def pending(self) -> int:
@@ -147,36 +137,28 @@ class Session:
         return len(self._actions)
 
     @property
-    def generation(self) -> int | None:
-        """The newest generation; None before the first."""
-        return self._generation
+    def is_open(self) -> bool:
+        """Whether the client was welcomed."""
+        return self._landings is not None
 
     @property
-    def encoding(self) -> str:
-        """The payload encoding; only after the welcome."""
-        assert self._transfers is not None
-        return self._transfers.encoding
-
-    @property
-    def transfers(self) -> Transfers | Landings | None:
-        """State of landings, read-only; None before the welcome."""
-        return self._transfers
+    def credit_bytes(self) -> int:
+        """Payload bytes that may still be sent."""
+        return 0 if self._landings is None else self._landings.credit_bytes
 
     def upcoming(self, most: int) -> list[int]:
         """Return at most ``most`` of the next segments in sending order."""
-        return [] if self._transfers is None else self._transfers.upcoming(most)
+        return [] if self._landings is None else self._landings.upcoming(most)
 
     def wake_at_s(self) -> float:
         """Return the time at which :meth:`tick` must be called."""
-        if self._transfers is None:
-            times = [self._opened_s + self._limits.handshake_timeout_s]
+        if self._landings is None:
+            due_s = self._opened_s + self._limits.handshake_timeout_s
         else:
-            times = [self._heard_s + self._limits.idle_timeout_s]
-            if self._transfers.deadline_s is not None:
-                times.append(self._transfers.deadline_s)
+            due_s = self._heard_s + self._limits.idle_timeout_s
         if self._draining_until_s is not None:
-            times.append(self._draining_until_s)
-        return min(times)
+            due_s = min(due_s, self._draining_until_s)
+        return due_s
 
     def next_action(self) -> Action | None:
         """Return the next action; ``None`` if there is none.
@@ -190,64 +172,50 @@ class Session:
             return None
         if self._group_news:
             return SendMessage(self._group_news.pop(next(iter(self._group_news))))
-        if self._transfers is None:
+        if self._landings is None:
             return None
-        if self._transfers.plan_is_due:
+        if self._landings.plan_is_due:
             return MakePlan()
         chunks = self.next_chunks(1)
         return chunks[0] if chunks else None
 
     def make_plan(self, now_s: float) -> int:
-        """Carry out :class:`MakePlan`: plan the newest landing or aim, if one still waits.
+        """Carry out :class:`MakePlan`: plan the newest landing or prefetch, if one still waits.
 
         Returns
         -------
         int
             Number of segments examined: the cost of the plan.
         """
-        if self._transfers is None or self.closing:
+        if self._landings is None or self.closing:
             return 0
-        looked_at = self._transfers.make_plan(now_s)
+        looked_at = self._landings.make_plan(now_s)
         self._close_if_drained()
         return looked_at
-
-    def decode(self, data: bytes | str, max_bytes: int) -> Message | Unknown:
-        """Decode a message of the client; raises DecodeError."""
-        return decode(data, Direction.CLIENT_TO_SERVER, max_bytes=max_bytes)
-
-    def frame_header(self, chunk: SendChunk, offset: int, length: int) -> bytes:
-        """Return the header of a frame with ``length`` bytes of a chunk's segment."""
-        return frame_header(
-            generation=chunk.generation,
-            segment=chunk.segment,
-            offset=offset,
-            total=chunk.total,
-            length=length,
-        )
 
     def next_chunks(self, most_bytes: int) -> list[SendChunk]:
         """Return payload to send, ending with the chunk that reaches ``most_bytes``.
 
         Empty while other actions are queued. Report the chunks sent to :meth:`chunks_sent`.
         """
-        if self._transfers is None or self._actions or self._group_news or self.closing:
+        if self._landings is None or self._actions or self._group_news or self.closing:
             return []
-        return self._transfers.next_chunks(most_bytes)
+        return self._landings.next_chunks(most_bytes)
 
     def receive(self, message: Message | Unknown, now_s: float) -> None:
         """Handle one decoded message; before ``hello`` any other message is fatal."""
         if not self._admit(now_s):
             return
         if isinstance(message, Unknown):
-            if self._transfers is None:
+            if self._landings is None:
                 text = "got an unknown type first, expected hello"
                 self._fatal(ErrorCode.OUT_OF_ORDER, text)
-        elif message.TYPE == Hello.TYPE:
+        elif isinstance(message, Hello):
             self._on_hello(message)
-        elif self._transfers is None:
+        elif self._landings is None:
             self._fatal(ErrorCode.OUT_OF_ORDER, f"got {message.TYPE} first, expected hello")
         elif isinstance(message, Credit):
-            self._transfers.grant(message.bytes, now_s)
+            self._landings.grant(message.bytes)
         elif isinstance(message, Pick):
             self._on_pick(message)
         elif isinstance(message, _GroupMessage):
@@ -256,31 +224,20 @@ class Session:
             self._leave_group(now_s)
             self._actions.clear()
             self._close(CloseCode.NORMAL, "bye")
+        elif isinstance(message, Prefetch):
+            self._on_prefetch(message, self._landings, now_s)
+
+    def _on_prefetch(self, wanted: Prefetch, landings: Landings, now_s: float) -> None:
+        """Handle a landing, or a prefetch."""
+        if not (self._take_generation(wanted.generation) and self._may_go(wanted)):
+            return
+        if isinstance(wanted, Land):
+            landings.land(wanted, now_s)
+            self._place = wanted.position
+            if self._groups is not None:
+                self._groups.landed(wanted.position, now_s)
         else:
-            self._on_landing_message(message, now_s)
-
-    def _on_landing_message(self, message: Message, now_s: float) -> None:
-        """Handle a message about landings and held segments."""
-        transfers = self._transfers
-        assert isinstance(transfers, Transfers)
-        if isinstance(message, Land | Aim):
-            if self._take_generation(message.generation) and self._may_go(message):
-                if isinstance(message, Land):
-                    transfers.land(message, now_s)
-                    self._note_place(message.position, now_s)
-                else:
-                    transfers.aim(message, now_s)
-        elif isinstance(message, Evict):
-            self._on_evict(message, transfers)
-        elif isinstance(message, Reject):
-            self._on_reject(message, transfers, now_s)
-        elif isinstance(message, Held):
-            self._on_held(message, transfers, now_s)
-
-    def _note_place(self, position: Place, now_s: float) -> None:
-        self._place = position
-        if self._groups is not None:
-            self._groups.landed(position, now_s)
+            landings.prefetch(wanted)
 
     def refuse(self, error: DecodeError, now_s: float) -> None:
         """Handle a message that could not be decoded: fatal, or an error of its request."""
@@ -289,7 +246,7 @@ class Session:
         generation = request = None
         if isinstance(error, FieldError):
             generation, request = error.generation, error.request
-        if error.fatal or self._transfers is None:
+        if error.fatal or self._landings is None:
             self._fatal(error.code, str(error), generation=generation)
         elif generation is None or self._take_generation(generation):
             self._error(error.code, str(error), generation=generation, request=request)
@@ -299,37 +256,35 @@ class Session:
         self._heard_s = max(self._heard_s, now_s)
 
     def tick(self, now_s: float) -> None:
-        """Handle timeouts and deadlines."""
+        """Handle timeouts."""
         if self.closing:
             return
-        limits, transfers = self._limits, self._transfers
+        limits = self._limits
         if self._draining_until_s is not None and now_s >= self._draining_until_s:
             self._close(CloseCode.DRAINING, ErrorCode.DRAINING)
-        elif transfers is None:
+        elif self._landings is None:
             if now_s >= self._opened_s + limits.handshake_timeout_s:
                 self._fatal(ErrorCode.TIMEOUT, no_hello_text(limits.handshake_timeout_s))
         elif now_s >= self._heard_s + limits.idle_timeout_s:
             text = f"got nothing for {limits.idle_timeout_s:g} s, expected at least pongs"
             self._fatal(ErrorCode.TIMEOUT, text)
-        else:
-            transfers.settle(now_s)
 
     def chunks_sent(self, chunks: Sequence[SendChunk], now_s: float) -> None:
         """Record as sent the chunk of :meth:`next_action`, or the first of :meth:`next_chunks`."""
-        assert self._transfers is not None
-        self._transfers.chunks_sent(chunks, now_s)
+        assert self._landings is not None
+        self._landings.chunks_sent(chunks, now_s)
         self._close_if_drained()
 
-    def payload_failed(self, chunk: SendChunk, now_s: float) -> None:
-        """Report the segment of a chunk as missing: its payload cannot be read or verified."""
-        assert self._transfers is not None
-        self._transfers.payload_failed(chunk, now_s)
+    def payload_failed(self, now_s: float) -> None:
+        """Report as missing the segment of the next chunk: it cannot be read or verified."""
+        assert self._landings is not None
+        self._landings.payload_failed(now_s)
         self._close_if_drained()
 
     def plan_sent(self, generation: int, now_s: float) -> None:
         """Record that the plan of a generation was handed to the socket."""
-        if self._transfers is not None:
-            self._transfers.plan_sent(generation, now_s)
+        if self._landings is not None:
+            self._landings.plan_sent(generation, now_s)
 
     def picked(self, request: int, hit: Hit | None) -> None:
         """Answer a pick."""
@@ -347,7 +302,7 @@ class Session:
         """Notify the client, after the welcome, of a newer version that new sessions get."""
         if self.closing:
             return
-        if self._transfers is None:
+        if self._landings is None:
             self._published = version
         else:
             self._send(Notice(kind="scene_published", version=version))
@@ -355,19 +310,19 @@ class Session:
     def drain(
         self, now_s: float, timeout_s: float, *, reconnect_after_ms: int | None = None
     ) -> None:
-        """Finish the open landing within ``timeout_s``, then close (10).
+        """Finish the open landing within ``timeout_s``, then close (9).
 
         ``reconnect_after_ms`` is sent to the client; None: that of the limits.
         """
         if self.closing or self._draining_until_s is not None:
             return
         self._draining_until_s = now_s + timeout_s
-        if self._transfers is not None:
+        if self._landings is not None:
             after_ms = reconnect_after_ms
             if after_ms is None:
                 after_ms = self._limits.reconnect_after_ms
             self._send(Notice(kind="draining", reconnect_after_ms=after_ms))
-            self._transfers.end_prefetch()
+            self._landings.end_prefetch()
         self._close_if_drained()
 
     def withdraw(self, text: str) -> None:
@@ -375,7 +330,7 @@ class Session:
         self._fatal(ErrorCode.UNAUTHORISED, text)
 
     def tell_group(self, message: Message) -> None:
-        """Send a message of the group; only the newest of each type waits (16.4)."""
+        """Send a message of the group; only the newest of each type waits (10.4)."""
         if isinstance(message, Joined):
             self._group_news.clear()  # of the group joined before
             self._send(message)
@@ -383,110 +338,44 @@ class Session:
             self._group_news.pop(message.TYPE, None)
             self._group_news[message.TYPE] = message
 
-    def ended(self) -> None:
-        """Report statistics of unused payload: the connection is closed."""
-        if self._transfers is not None:
-            self._transfers.end()
-
-    def _on_hello(self, hello: Message) -> None:
-        if self._transfers is not None:
+    def _on_hello(self, hello: Hello) -> None:
+        """Check a hello and answer it with a welcome."""
+        if self._landings is not None:
             self._fatal(ErrorCode.OUT_OF_ORDER, "got a second hello, expected one")
             return
-        self._open(hello)
-        if self.transfers is not None and self._published is not None:
-            self.scene_published(self._published)
-
-    def _open(self, hello: Message) -> None:
-        """Check a hello and answer it with a welcome."""
-        assert isinstance(hello, Hello)
-        if self._accepts(hello):
-            self._transfers = Transfers(
-                self._scene, self._limits, hello, send=self._send, observer=self._observer
-            )
-            self._send(self._welcome(hello, self._transfers))
-
-    def _may_open(self, token: str | None) -> bool:
-        """Check the token of a hello; the first check, so that an error tells nothing more."""
-        refused = None if self._authorise is None else self._authorise(token)
+        refused = None if self._authorise is None else self._authorise(hello.token)
         if refused is not None:
             self._fatal(*refused)
-        return refused is None
+            return
+        self._landings = Landings(
+            self._scene, self._limits, hello, send=self._send, observer=self._observer
+        )
+        self._send(self._welcome())
+        if self._published is not None:
+            self.scene_published(self._published)
 
-    def _accepts(self, hello: Hello) -> bool:
-        """Check a ``hello``; the token first, so that an error tells nothing about the scene."""
-        if hello.protocol[0] != PROTOCOL[0]:
-            text = f"got protocol {hello.protocol[0]}.{hello.protocol[1]}, expected {PROTOCOL[0]}.x"
-            self._fatal(ErrorCode.UNSUPPORTED_VERSION, text, protocols=(PROTOCOL,))
-            return False
-        if not self._may_open(hello.token):
-            return False
-        if hello.encoding not in self._scene.encodings:
-            offered = ", ".join(sorted(self._scene.encodings))
-            text = f"got encoding {hello.encoding}, expected one of: {offered}"
-            self._fatal(ErrorCode.UNSUPPORTED_ENCODING, text)
-            return False
-        return self._may_hold(0 if hello.held is None else len(hello.held))
-
-    def _may_hold(self, rows: int) -> bool:
-        most = self._limits.max_held_segments
-        if rows > most:
-            text = f"got {rows} held segments, expected at most {most}"
-            self._fatal(ErrorCode.TOO_LARGE, text)
-        return rows <= most
-
-    def _welcome(self, hello: Hello, transfers: Transfers) -> Welcome:
+    def _welcome(self) -> Welcome:
         scene, limits = self._scene, self._limits
-        rows = 0 if hello.held is None else len(hello.held)
-        table = scene.encodings[hello.encoding]
         return Welcome(
-            protocol=(PROTOCOL[0], min(hello.protocol[1], PROTOCOL[1])),
             server=limits.server,
             session=self.id,
-            scene=SceneInfo(
+            scene=SceneFacts(
                 id=scene.id,
-                version=scene.version,
                 name=scene.name,
-                segment_count=table.segment_count,
-                levels=None if table.levels == 1 else table.levels,
+                version=scene.version,
+                segment_count=scene.table.segment_count,
+                base_faces=scene.hidden_faces.base_faces,
+                levels=scene.table.levels,
             ),
-            limits=ServerLimits(
+            limits=Limits(
                 max_radius_m=limits.max_radius_m,
                 max_message_bytes=limits.max_message_bytes,
                 max_messages_per_s=limits.max_messages_per_s,
-                max_held_segments=limits.max_held_segments,
-                max_plan_segments=limits.max_plan_segments,
                 max_credit_bytes=limits.max_credit_bytes,
                 idle_timeout_s=limits.idle_timeout_s,
                 groups=limits.groups,
             ),
-            release_factor=transfers.release_factor,
-            dropped=transfers.dropped,
-            held_count=rows - len(transfers.dropped),
-            pull=None if transfers.pull is None else transfers.pull.info,
         )
-
-    def _on_held(self, held: Held, transfers: Transfers, now_s: float) -> None:
-        rows = len(held.segments)
-        if not transfers.may_offer:
-            text = "got held after an aim or land, expected it before the first one"
-            self._fatal(ErrorCode.OUT_OF_ORDER, text)
-        elif self._may_hold(rows) and self._admit(now_s, rows // HELD_ROWS_PER_MESSAGE):
-            dropped = transfers.take_held(held.segments, now_s)
-            self._send(HeldChecked(dropped=dropped, held_count=len(transfers.held)))
-            self._close_if_drained()
-
-    def _on_evict(self, evict: Evict, transfers: Transfers) -> None:
-        wrong = transfers.evict(evict.segments)
-        if wrong is not None:
-            self._fatal(ErrorCode.OUT_OF_ORDER, wrong)
-
-    def _on_reject(self, reject: Reject, transfers: Transfers, now_s: float) -> None:
-        if reject.segment >= transfers.payload_count:
-            text = f"got segment {reject.segment}, expected one below {transfers.payload_count}"
-            self._fatal(ErrorCode.INVALID_FIELD, f"reject.segment: {text}")
-            return
-        transfers.reject(reject, now_s)
-        self._close_if_drained()
 
     def _on_pick(self, pick: Pick) -> None:
         most = self._limits.max_picks
@@ -526,11 +415,11 @@ class Session:
         if self._groups is not None:
             self._groups.leave(now_s)
 
-    def _admit(self, now_s: float, count: int = 1) -> bool:
+    def _admit(self, now_s: float) -> bool:
         if self.closing:
             return False
         self.heard(now_s)
-        if self._rate.take(now_s, count):
+        if self._rate.take(now_s):
             return True
         self._fatal(ErrorCode.TOO_MANY, self._rate.broken_text)
         return False
@@ -544,8 +433,8 @@ class Session:
         self._generation = generation
         return True
 
-    def _may_go(self, message: Land | Aim | protocol_2.Land | protocol_2.Prefetch) -> bool:
-        """Check a landing or what precedes it against the limits; refuse it if needed."""
+    def _may_go(self, message: Prefetch) -> bool:
+        """Check a landing or prefetch against the limits; refuse it if needed."""
         most_m = self._limits.max_radius_m
         if self._draining_until_s is not None:
             text = f"got {message.TYPE} while the server goes away, expected a new connection"
@@ -560,7 +449,7 @@ class Session:
         return True
 
     def _close_if_drained(self) -> None:
-        lands = self._transfers is not None and self._transfers.landing_open
+        lands = self._landings is not None and self._landings.landing_open
         if not (self.closing or self._draining_until_s is None or lands):
             self._close(CloseCode.DRAINING, ErrorCode.DRAINING)
 
@@ -575,7 +464,6 @@ class Session:
         fatal: bool = False,
         generation: int | None = None,
         request: int | None = None,
-        protocols: tuple[tuple[int, int], ...] | None = None,
     ) -> None:
         error = Error(
             code=code,
@@ -583,22 +471,14 @@ class Session:
             fatal=fatal,
             generation=generation,
             request=request,
-            protocols=protocols,
         )
         self._send(error)
         self._observer.refused(error)
 
-    def _fatal(
-        self,
-        code: ErrorCode,
-        text: str,
-        *,
-        generation: int | None = None,
-        protocols: tuple[tuple[int, int], ...] | None = None,
-    ) -> None:
+    def _fatal(self, code: ErrorCode, text: str, *, generation: int | None = None) -> None:
         """Send a fatal error and close; ignored once the session is closing."""
         if not self.closing:
-            self._error(code, text, fatal=True, generation=generation, protocols=protocols)
+            self._error(code, text, fatal=True, generation=generation)
             self._close(CLOSE_CODES[code], code)
 
     def _close(self, code: CloseCode, reason: str) -> None:

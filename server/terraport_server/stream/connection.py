@@ -42,8 +42,9 @@ EXTENSION: Final = "terraport.connection"
 REFUSED_CLOSE_S: Final = 1.0
 """Time that a refused client may take to answer the close frame."""
 
-MAX_FIRST_MESSAGE_BYTES: Final = 512 << 10
-"""Longest message before authentication: a ``hello`` with 32,768 held segments takes 400 KB."""
+MAX_FIRST_MESSAGE_BYTES: Final = 64 << 10
+"""Longest message before authentication: a ``hello`` takes 17 KB at most, and a ``land`` that does
+not wait for the welcome 33 KB."""
 
 MAX_FIRST_FRAMES: Final = 64
 """Fragments and control frames before authentication."""

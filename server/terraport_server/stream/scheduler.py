@@ -1,4 +1,4 @@
-"""Order in which clients send payload: new landings first, then landings, then aims.
+"""Order in which clients send payload: new landings first, then landings, then prefetches.
 
 Sockets take payload faster than clients ask for it. Every client that has something to send asks
 for a turn of bounded size; turns of at most `STEP_BYTES` run in one iteration of the event loop, so
@@ -37,7 +37,7 @@ class Rank(IntEnum):
     NEW_LANDING = 0
     """First bytes of a landing, while the client's view is dark."""
     LANDING = 1
-    AIM = 2
+    PREFETCH = 2
     """May turn out useless: sent when no landing could use the turn."""
 
 
@@ -47,7 +47,7 @@ def rank_of(*, landing: bool, sent_bytes: int, next_bytes: int, rest_bytes: int)
     Parameters
     ----------
     landing : bool
-        Whether it belongs to a landing, not to an aim.
+        Whether it belongs to a landing, not to a prefetch.
     sent_bytes : int
         Payload of the landing that was sent already.
     next_bytes : int
@@ -63,7 +63,7 @@ def rank_of(*, landing: bool, sent_bytes: int, next_bytes: int, rest_bytes: int)
     'LANDING'
     """
     if not landing:
-        return Rank.AIM
+        return Rank.PREFETCH
     # Credit granted byte by byte would otherwise take a turn before everybody else for each byte.
     is_large = next_bytes >= min(_LEAST_TURN_BYTES, rest_bytes)
     return Rank.NEW_LANDING if sent_bytes < _NEW_LANDING_BYTES and is_large else Rank.LANDING
@@ -111,10 +111,10 @@ class SendScheduler:
             self._waiting[rest].append(burst)
 
     def _next(self) -> Burst | None:
-        new, old, aims = self._waiting
+        new, old, prefetches = self._waiting
         if new and (self._new_in_a_row < _NEW_LANDINGS_IN_A_ROW or not old):
             self._new_in_a_row += 1
             return new.popleft()
         self._new_in_a_row = 0
-        queue = old or aims
+        queue = old or prefetches
         return queue.popleft() if queue else None

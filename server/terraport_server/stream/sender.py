@@ -16,7 +16,7 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from time import monotonic, thread_time
+from time import monotonic
 from typing import Any, Final
 
 from terraport_server.fair_queue import PlanQueue
@@ -29,14 +29,16 @@ from terraport_server.stream.frame_writer import message_header
 from terraport_server.stream.scheduler import TURN_BYTES, Rank, SendScheduler, rank_of
 from terraport_store import CorruptPayloadError, StoreError
 from terraport_wire import (
-    HEADER_BYTES,
+    FRAME_HEADER_BYTES,
     MAX_CHUNK_BYTES,
     DecodeError,
+    Direction,
     Hit,
     Message,
     Plan,
+    decode,
     encode,
-    protocol_2,
+    frame_header,
 )
 
 __all__ = ["Sender", "SenderLimits"]
@@ -49,9 +51,6 @@ _EVERYTHING_AHEAD: Final = 1 << 62
 
 _MAX_ANNOUNCED: Final = 512
 """Segments that are announced to the payload reader at once."""
-
-_FREE_MESSAGE_BYTES: Final = 4 << 10
-"""Longest message whose CPU time is not measured: the rate of messages bounds it."""
 
 _SHORTEST_TICK_S: Final = 0.002
 
@@ -79,14 +78,14 @@ class _Frames:
         self.payload_ends: list[int] = []
         self._end = self._payload_end = 0
 
-    def add(self, chunk: SendChunk, view: memoryview, session: Session) -> None:
+    def add(self, chunk: SendChunk, view: memoryview, key: int) -> None:
         """Add the frames of a chunk."""
-        offset, length = chunk.offset, chunk.length
+        generation, _, offset, length, total, _ = chunk
         buffers, end, payload_end = self.buffers, self._end, self._payload_end
         for at in range(0, length, MAX_CHUNK_BYTES):
             size = min(MAX_CHUNK_BYTES, length - at)
-            header = message_header(HEADER_BYTES + size)
-            header += session.frame_header(chunk, offset + at, size)
+            header = message_header(FRAME_HEADER_BYTES + size)
+            header += frame_header(generation=generation, key=key, offset=offset + at, total=total)
             buffers.append(header)
             buffers.append(view if size == length else view[at : at + size])
             end += len(header) + size
@@ -200,13 +199,10 @@ class Sender:
             return True
         text = event.get("text")
         data = event["bytes"] if text is None else text
-        began_s = thread_time() if len(data) > _FREE_MESSAGE_BYTES else None
         try:
             self._take(data, monotonic())
         except Exception as error:  # noqa: BLE001 - ends the session
             self._end(error)
-        if began_s is not None:
-            self._plans.charge(self.client, began_s)
         self.pump()
         self._set_timer()
         return self._has_room
@@ -231,7 +227,8 @@ class Sender:
 
     def _take(self, data: bytes | str, now_s: float) -> None:
         try:
-            message = self.session.decode(data, self._limits.max_message_bytes)
+            most_bytes = self._limits.max_message_bytes
+            message = decode(data, Direction.CLIENT_TO_SERVER, max_bytes=most_bytes)
         except DecodeError as error:
             self.session.refuse(error, now_s)
         else:
@@ -293,7 +290,7 @@ class Sender:
 
     def _send_message(self, message: Message) -> None:
         self._writer.send_message(encode(message))
-        if isinstance(message, Plan | protocol_2.Plan):
+        if isinstance(message, Plan):
             self.session.plan_sent(message.generation, monotonic())
 
     def _plan(self) -> None:
@@ -318,7 +315,7 @@ class Sender:
         self.pump()
 
     def _close(self, action: Close) -> None:
-        if self.session.transfers is None:  # was never authenticated
+        if not self.session.is_open:  # was never authenticated
             self._connection.close_within(REFUSED_CLOSE_S)
         self._connection.close(int(action.code), str(action.reason))
         self._end()
@@ -368,7 +365,9 @@ class Sender:
                 self._batch_bytes = min(self._most_batch_bytes, 2 * payload_bytes)
         if sent_bytes:
             is_landing = self._is_landing
-            (self._metrics.land_bytes if is_landing else self._metrics.aim_bytes).inc(sent_bytes)
+            (self._metrics.land_bytes if is_landing else self._metrics.prefetch_bytes).inc(
+                sent_bytes
+            )
         if chunks:
             self._last_rank = self._rank(chunks[0])
         if writer.is_full:
@@ -392,17 +391,16 @@ class Sender:
             return False
         self._failed = None
         self._announced_bytes -= chunk.total - chunk.offset
-        self.session.payload_failed(chunk, monotonic())
+        self.session.payload_failed(monotonic())
         return True
 
     def _frame(self, chunks: list[SendChunk], frames: _Frames) -> int:
         """Add frames of chunks up to the first that is not in memory; count compared segments."""
-        session, reader = self.session, self._served.payloads
+        reader, hashes = self._served.payloads, self._served.hashes
         if reader.ahead_bytes:
             self._announce(chunks[0])
         views, compared = reader.views(
             chunks,
-            session.encoding,
             by_system_call=self._writer.descriptor >= 0,
             fetched=self._fetched,
         )
@@ -410,7 +408,7 @@ class Sender:
             self._is_waiting = True
             self._start(self._fetch(chunks[0]))
         for chunk, view in zip(chunks, views, strict=False):
-            frames.add(chunk, view, session)
+            frames.add(chunk, view, hashes[chunk.segment])
         return compared
 
     def _note_sent(self, chunks: list[SendChunk], sent_bytes: int) -> None:
@@ -436,7 +434,7 @@ class Sender:
         payloads = self._served.payloads
         if self._announced_bytes <= payloads.ahead_bytes // 2:
             coming = self.session.upcoming(_MAX_ANNOUNCED)
-            known_bytes = payloads.expect(coming, self.session.encoding)
+            known_bytes = payloads.expect(coming)
             is_rest = known_bytes < payloads.ahead_bytes
             self._announced_bytes = _EVERYTHING_AHEAD if is_rest else known_bytes
 
@@ -445,7 +443,7 @@ class Sender:
         self._metrics.payload_reads.inc()
         try:
             coming = self.session.upcoming(_MAX_ANNOUNCED)[1:]
-            await self._served.payloads.fetch(chunk, self.session.encoding, coming)
+            await self._served.payloads.fetch(chunk, coming)
             self._fetched = chunk
         except (StoreError, OSError) as error:
             self._note_failure(chunk, error)

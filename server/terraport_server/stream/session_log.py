@@ -130,7 +130,7 @@ class SessionLog(Observer):
         )
 
     def superseded(self, generation: int, unsent_bytes: int, *, landing: bool) -> None:
-        kind = "land" if landing else "aim"
+        kind = "land" if landing else "prefetch"
         self._metrics.superseded.labels(kind).inc()
         self._metrics.superseded_bytes.labels(kind).inc(unsent_bytes)
         log(
@@ -140,13 +140,6 @@ class SessionLog(Observer):
             kind=kind,
             unsent_bytes=unsent_bytes,
         )
-
-    def aim_ended(self, sent_bytes: int, used_bytes: int) -> None:
-        self._metrics.aim_use_bytes.labels("used").inc(used_bytes)
-        self._metrics.aim_use_bytes.labels("wasted").inc(sent_bytes - used_bytes)
-
-    def aim_judged(self, *, hit: bool) -> None:
-        self._metrics.aims.labels("hit" if hit else "miss").inc()
 
     def grouped(self, event: str) -> None:
         self._metrics.group_events.labels(event).inc()

@@ -4,7 +4,7 @@ extends RefCounted
 ##
 ## The owner passes in commands and received messages, sends what [method messages_to_send]
 ## returns, and answers [signal payload_received] with [method accept] or [method reject]. Numbers
-## in comments are sections of spec/protocol-2.md.
+## in comments are sections of spec/protocol.md.
 
 ## The server said welcome.
 signal opened(scene: Dictionary, limits: Dictionary, version_changed: bool)

@@ -1,6 +1,6 @@
 class_name TerraportWire
 extends RefCounted
-## Messages and payload frames of protocol 2 (spec/protocol-2.md), in msgpack.
+## Messages and payload frames of protocol 2 (spec/protocol.md), in msgpack.
 ##
 ## Maps have text keys, integers and floats stay apart, binary is a [PackedByteArray].
 

@@ -9,7 +9,7 @@ namespace Terraport
 {
     /// <summary>
     /// State of a protocol 2 client: commands and messages in, events and messages to send out. It outlives connections. No socket, no clock,
-    /// no thread; one thread at a time. Section numbers are those of spec/protocol-2.md.
+    /// no thread; one thread at a time. Section numbers are those of spec/protocol.md.
     /// </summary>
     /// <remarks>
     /// The service keeps no table of what the client has: every landing lists it. What a landing listed or received stays in memory until

@@ -2,7 +2,7 @@ using System.Collections.Generic;
 
 namespace Terraport.Wire
 {
-    /// <summary>Messages to the service, encoded (spec/protocol-2.md, section 3).</summary>
+    /// <summary>Messages to the service, encoded (spec/protocol.md, section 3).</summary>
     internal static class ClientMessages
     {
         internal const string Subprotocol = "terraport.v2.msgpack", TokenPrefix = "terraport.token.";

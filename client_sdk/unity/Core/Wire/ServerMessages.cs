@@ -4,7 +4,7 @@ using System.Linq;
 
 namespace Terraport.Wire
 {
-    /// <summary>A message from the service (spec/protocol-2.md, section 3).</summary>
+    /// <summary>A message from the service (spec/protocol.md, section 3).</summary>
     internal abstract class ServerMessage
     {
         private const double MaxRadiusM = 1e6, MaxRate = 1e9;

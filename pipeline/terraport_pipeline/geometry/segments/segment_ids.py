@@ -1,8 +1,7 @@
-"""Numbers of a new version's segments, so that a client keeps what it holds.
+"""Numbers of a new version's segments: a payload that did not change keeps its number.
 
-A client offers the segments that it holds by number and hash, and a row is accepted where the
-scene has that hash at that number (``spec/wire-protocol.md``, section 5, rule 3). So a payload that
-did not change must not change its number.
+Clients know payloads by their content (``spec/protocol.md``, section 1), whatever their numbers.
+Addresses of segments, 3D Tiles and what people note down go by the number.
 
 PURE: no I/O, no clock.
 """

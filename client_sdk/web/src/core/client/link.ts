@@ -1,7 +1,7 @@
 /**
  * The connection of a session: opened, lost, opened again.
  *
- * The state is the session's; here are the socket and the timers. Section numbers are those of `spec/protocol-2.md`.
+ * The state is the session's; here are the socket and the timers. Section numbers are those of `spec/protocol.md`.
  */
 
 import { waitMs } from "../session/backoff.ts";

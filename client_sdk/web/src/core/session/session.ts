@@ -2,7 +2,7 @@
  * The client's side of protocol 2: messages in; events and messages to send out.
  *
  * The owner has sockets, clocks and workers. It passes in commands and received messages, and after each call drains
- * {@link ClientSession.events} and {@link ClientSession.messagesToSend}. Section numbers are those of `spec/protocol-2.md`.
+ * {@link ClientSession.events} and {@link ClientSession.messagesToSend}. Section numbers are those of `spec/protocol.md`.
  *
  * The server keeps no table of what the client has: every `land` lists it. Segments that a landing listed, or that came
  * since, stay in memory until it is complete.

@@ -1,4 +1,4 @@
-/** The messages of protocol 2 (spec/protocol-2.md, sections 3 and 10). */
+/** The messages of protocol 2 (spec/protocol.md, sections 3 and 10). */
 
 import { DecodeError } from "./errors.ts";
 import {

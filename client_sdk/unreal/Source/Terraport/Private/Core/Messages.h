@@ -1,4 +1,4 @@
-// Protocol 2 on the wire (spec/protocol-2.md, sections 3 and 10): the messages, and the frames that carry payload.
+// Protocol 2 on the wire (spec/protocol.md, sections 3 and 10): the messages, and the frames that carry payload.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// State of one session: messages and commands in, events and messages to send out (spec/protocol-2.md). No I/O, no clock.
+// State of one session: messages and commands in, events and messages to send out (spec/protocol.md). No I/O, no clock.
 //
 // The service keeps no table of what the client has: every `land` names it. What a landing named or received stays in memory
 // until the landing is shown.

@@ -1,4 +1,4 @@
-// Membership of a session in a group, over all of its connections (spec/protocol-2.md, section 10). No I/O, no clock.
+// Membership of a session in a group, over all of its connections (spec/protocol.md, section 10). No I/O, no clock.
 #pragma once
 
 #include <cstdint>
