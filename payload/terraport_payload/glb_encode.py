@@ -112,7 +112,6 @@ def encode_glb(
     step_m: float,
     attribute_scales: Mapping[str, AttributeScale],
     unlit: bool = False,
-    keep_face_order: bool = False,
 ) -> bytes:
     """Encode a mesh as GLB.
 
@@ -128,9 +127,6 @@ def encode_glb(
         The scene's scale of every attribute of the mesh, by the survey's name; more are ignored.
     unlit : bool, optional
         Have the colours shown as they are, without any light.
-    keep_face_order : bool, optional
-        Keep faces in their order, so that a table by face number (the cover) stays right. A face's
-        corners may still be rotated.
 
     Returns
     -------
@@ -149,7 +145,6 @@ def encode_glb(
         step_m=step_m,
         attribute_scales=attribute_scales,
         unlit=unlit,
-        keep_face_order=keep_face_order,
     )
     return join_glb(document, binary)
 
@@ -160,14 +155,13 @@ def glb_parts(
     step_m: float,
     attribute_scales: Mapping[str, AttributeScale],
     unlit: bool = False,
-    keep_face_order: bool = False,
 ) -> tuple[dict[str, Any], bytes]:
     """Make the glTF document and the BIN chunk of a mesh; arguments and errors as encode_glb's."""
     # Invariant: every array goes through `order`, so that row i of all of them is the same vertex.
     # (1) The scene's grid, and the order that caches and the codec like.
     check_mesh(mesh)
     codes = grid_codes(mesh.positions, step_m)
-    faces, order = cache_order(mesh, keep_face_order=keep_face_order)
+    faces, order = cache_order(mesh)
     codes = codes[order]
     low = codes.min(axis=0)
     out = _Views()

@@ -18,15 +18,13 @@ from terraport_payload.types import Int64, UInt32
 __all__ = ["cache_order"]
 
 
-def cache_order(mesh: SegmentMesh, *, keep_face_order: bool) -> tuple[UInt32, Int64]:
-    """Order vertices by first use, and faces too unless they must keep theirs.
+def cache_order(mesh: SegmentMesh) -> tuple[UInt32, Int64]:
+    """Order faces for the vertex cache, and vertices by first use.
 
     Parameters
     ----------
     mesh : SegmentMesh
         Never modified.
-    keep_face_order : bool
-        Reorder vertices alone.
 
     Returns
     -------
@@ -36,7 +34,7 @@ def cache_order(mesh: SegmentMesh, *, keep_face_order: bool) -> tuple[UInt32, In
         For each new vertex its old number. Unused vertices come last in their old order, so none
         is lost.
     """
-    faces, remap, used = meshopt.reorder_mesh(mesh.faces.reshape(-1), not keep_face_order, True)
+    faces, remap, used = meshopt.reorder_mesh(mesh.faces.reshape(-1), True, True)
     remap = remap.astype(np.int64)
     if len(remap) < len(mesh.positions):  # meshopt counts vertices by the largest index
         remap = np.concatenate([remap, np.full(len(mesh.positions) - len(remap), 0xFFFFFFFF)])

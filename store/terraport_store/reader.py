@@ -334,8 +334,7 @@ class Scene:
 
     def file_glb(self, key: str) -> bytes:
         """Make a GLB of the base or the overview; arguments and errors as for :meth:`file_mesh`."""
-        # Clients that still read base.glb count its faces as the cover does.
-        return self._as_glb(self.file_mesh(key), keep_face_order=key == BASE)
+        return self._as_glb(self.file_mesh(key))
 
     def compare(self, segment_id: int, encoding: str, data: bytes | memoryview) -> bool:
         """Compare a whole payload that the caller has read with its hash, as :meth:`payload` does.
@@ -472,15 +471,12 @@ class Scene:
     ) -> None:
         self.close()
 
-    def _as_glb(
-        self, mesh: SegmentMesh, *, unlit: bool = False, keep_face_order: bool = False
-    ) -> bytes:
+    def _as_glb(self, mesh: SegmentMesh, *, unlit: bool = False) -> bytes:
         return encode_glb(
             mesh,
             step_m=self.manifest.step_m,
             attribute_scales=self.manifest.scales,
             unlit=unlit,
-            keep_face_order=keep_face_order,
         )
 
     def _compare(self, segment_id: int, encoding: str, data: bytes | memoryview) -> tuple[int, int]:

@@ -19,6 +19,7 @@ from terraport_payload import (
     gltf_attribute_name,
     snap,
 )
+from terraport_payload.order import cache_order
 
 
 def encode(mesh: SegmentMesh, **options: Any) -> bytes:
@@ -45,7 +46,7 @@ def by_position(mesh: SegmentMesh, values: np.ndarray) -> dict[bytes, list[float
     }
 
 
-@pytest.mark.parametrize("options", [{}, {"unlit": True}, {"keep_face_order": True}])
+@pytest.mark.parametrize("options", [{}, {"unlit": True}])
 def test_same_mesh_comes_back(patch: SegmentMesh, options: dict[str, bool]) -> None:
     back = read_glb(encode(patch, **options))
     snapped = replace(patch, positions=snap(patch.positions, STEP_M))
@@ -53,12 +54,6 @@ def test_same_mesh_comes_back(patch: SegmentMesh, options: dict[str, bool]) -> N
     assert sorted(corners(back)) == sorted(corners(snapped))
     assert by_position(back, back.colours) == by_position(snapped, patch.colours)
     assert by_position(back, back.region_ids) == by_position(snapped, patch.region_ids)
-
-
-def test_keep_face_order_keeps_it(patch: SegmentMesh) -> None:
-    shuffled = replace(patch, faces=patch.faces[np.random.default_rng(3).permutation(72)])
-    back = read_glb(encode(shuffled, keep_face_order=True))
-    assert corners(back) == corners(replace(shuffled, positions=snap(patch.positions, STEP_M)))
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(-12, -4))
@@ -78,9 +73,15 @@ def test_errors_are_within_their_bounds(seed: int, exponent: int) -> None:
         attributes={"a": rng.uniform(-3, 5, count).astype(np.float32)},
     )
     scale = AttributeScale(-3.0, 8.001 / 65534)
-    data = encode(mesh, step_m=step, attribute_scales={"a": scale}, keep_face_order=True)
-    back = read_glb(data)
-    # Faces name each vertex once and in order, so order is kept.
+    back = read_glb(encode(mesh, step_m=step, attribute_scales={"a": scale}))
+    _, order = cache_order(mesh)
+    normals = normals[order]
+    mesh = replace(
+        mesh,
+        positions=mesh.positions[order],
+        colours=mesh.colours[order],
+        attributes={"a": mesh.attributes["a"][order]},
+    )
     assert np.abs(back.positions.astype(float) - mesh.positions).max() <= step / 2
     assert np.array_equal(back.positions, snap(mesh.positions, step))
     assert np.array_equal(back.colours, mesh.colours)
@@ -106,7 +107,7 @@ def test_border_vertices_of_neighbours_are_bit_equal() -> None:
 
 def test_float32_arithmetic_of_a_shader_gives_the_same_bits(patch: SegmentMesh) -> None:
     """translation + scale * code, all in float32, is the position on the grid."""
-    document, binary = split_glb(encode(patch, keep_face_order=True))
+    document, binary = split_glb(encode(patch))
     node = document["nodes"][0]
     packed = document["bufferViews"][0]["extensions"]["EXT_meshopt_compression"]
     rows = meshopt.decode_gltf_buffer(

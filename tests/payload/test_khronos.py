@@ -92,7 +92,6 @@ def meshes() -> dict[str, tuple[SegmentMesh, dict[str, bool]]]:
     return {
         "full": (full, {}),
         "bare": (bare, {}),
-        "base": (full, {"keep_face_order": True}),
         "unlit": (full, {"unlit": True}),
         "wide": (wide, {}),
         "jpeg": (textured(full, pillow("JPEG")), {}),
