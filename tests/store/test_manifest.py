@@ -58,6 +58,11 @@ def test_unknown_keys_are_skipped_but_digested(document: dict[str, Any]) -> None
         (["counts", "segments"], -1, r"field 'counts\.segments'"),
         (["counts"], None, "field 'counts'"),
         (["encodings"], {"glb": {}}, "segments are stored as glb, expected segment-2; build the"),
+        (
+            ["files"],
+            {"base.glb": {}},
+            "stored as base.glb, expected base.tsg; build the scene again",
+        ),
         (["encodings", "segment-2", "pack"], "other.pack", "no file 'other.pack' in files"),
         (["files", "base.tsg", "path"], "../../etc/passwd", r"field 'files\.base\.tsg\.path'"),
         (["files", "base.tsg", "path"], "/etc/passwd", r"field 'files\.base\.tsg\.path'"),
