@@ -1,8 +1,7 @@
 using System.Runtime.CompilerServices;
 
-// The core's public API is what users of the components need; the rest is for these.
+// The public API of the core is what users of the components need; these assemblies see the rest, the last two in tests.
 [assembly:InternalsVisibleTo("Terraport.Runtime")]
 [assembly:InternalsVisibleTo("Terraport.Editor")]
-[assembly:InternalsVisibleTo("Terraport.Tests")]
 [assembly:InternalsVisibleTo("terraport-tools")]
 [assembly:InternalsVisibleTo("SceneOnStubs")]

@@ -16,7 +16,7 @@ namespace Terraport
         }
 
         /// <summary>
-        /// Error code of the wire protocol, or one of the client's: "damaged", "unsupported_version", "invalid_url",
+        /// Error code of the protocol, or one of the client's: "damaged", "unsupported_version", "invalid_url",
         /// "unreachable", ...
         /// </summary>
         public string Code { get; private set; }

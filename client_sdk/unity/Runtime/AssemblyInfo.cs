@@ -1,3 +1,4 @@
 using System.Runtime.CompilerServices;
 
+// A test.
 [assembly:InternalsVisibleTo("SceneOnStubs")]

@@ -103,7 +103,7 @@ namespace Terraport
         Gathered,
     }
 
-    /// <summary>The client's seat in a group, over all connections of its session (wire protocol, section 16).</summary>
+    /// <summary>The client's seat in a group, over all connections of its session (protocol, section 10).</summary>
     internal sealed class GroupSession
     {
         // Unanswered gathers at most; then the oldest is refused here.

@@ -57,7 +57,7 @@ namespace Terraport
             z = (float)(StepM * (Origin.Z + PositionCodes[vertex + 2 * VertexCount]));
         }
 
-        /// <summary>Bytes of the image on a graphics card, with all mips (protocol 2, section 4).</summary>
+        /// <summary>Bytes of the image on a graphics card, with all mips (protocol, section 4).</summary>
         internal long ImageGpuBytes
         {
             get {

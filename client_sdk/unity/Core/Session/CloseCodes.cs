@@ -1,6 +1,6 @@
 namespace Terraport
 {
-    /// <summary>WebSocket close codes and HTTP statuses: what they mean and what a client does (wire protocol, section 11).</summary>
+    /// <summary>WebSocket close codes and HTTP statuses: what they mean and what a client does (protocol, section 9).</summary>
     internal static class CloseCodes
     {
         internal const int Normal = 1000, Abnormal = 1006, Malformed = 4400, Unauthorised = 4401, Timeout = 4408;

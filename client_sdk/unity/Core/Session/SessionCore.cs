@@ -8,7 +8,7 @@ using Terraport.Wire;
 namespace Terraport
 {
     /// <summary>
-    /// State of a protocol 2 client: commands and messages in, events and messages to send out. It outlives connections. No socket, no clock,
+    /// State of a client: commands and messages in, events and messages to send out. It outlives connections. No socket, no clock,
     /// no thread; one thread at a time. Section numbers are those of spec/protocol.md.
     /// </summary>
     /// <remarks>

@@ -2,7 +2,7 @@ using System;
 
 namespace Terraport.Wire
 {
-    /// <summary>A piece of one segment's payload, as one WebSocket message carries it (protocol 2, section 3).</summary>
+    /// <summary>A piece of one segment's payload, as one WebSocket message carries it (protocol, section 3).</summary>
     internal struct Frame
     {
         internal const int MaxBytes = 128 * 1024, MaxSegmentBytes = 64 * 1024 * 1024;
