@@ -375,6 +375,11 @@ export interface StreamOptions {
   /** Payload bytes kept on disk over all scenes, for the next visit; 0, or no such storage, keeps none. Default 0. */
   readonly diskBytes?: number;
   readonly creditBytes?: number;
+  /**
+   * Land without a connection: plans are requested over HTTP, and payload by ranges of the pack, which a CDN or object storage may
+   * have. There are no picks and no groups then. Default false.
+   */
+  readonly overHttp?: boolean;
   /** Name and version of the client, for the server's logs. */
   readonly client?: string;
 }

@@ -97,6 +97,40 @@ describe.skipIf(skipped !== null)(`on a real server${skipped === null ? "" : ` (
     expect([stats.aimedLandings, stats.aimHits]).toEqual([1, 1]);
   });
 
+  test("over HTTP the same is shown, and nothing comes twice", async () => {
+    const { stream, ready, of, until } = listen({ overHttp: true });
+    const connected = listen();
+    for (const [place, radiusM] of [
+      [HERE, 30],
+      [THERE, 30],
+      [HERE, 30],
+    ] as const) {
+      const shown = await ready(stream.land(place, radiusM));
+      const reference = await connected.ready(connected.stream.land(place, radiusM));
+      expect([...shown.visible].sort()).toEqual([...reference.visible].sort());
+      expect(shown.hidden).toEqual(reference.hidden);
+      expect(shown.missing).toEqual([]);
+    }
+    expect(of("ready")[2]?.payloadBytes).toBe(0);
+    expect((await stream.stats()).repeatedBytes).toBe(0);
+    const aimed = [-40, 10, 40] as const;
+    stream.aim(aimed, 20);
+    await until("arrived", ({ landing }) => landing === null);
+    const first = stream.land(aimed, 200);
+    expect((await ready(stream.land(aimed, 20))).visible.length).toBeGreaterThan(0);
+    expect(of("ready").some(({ landing }) => landing === first)).toBe(false);
+    await expect(stream.pick(HERE)).rejects.toMatchObject({ code: "not_available" });
+    stream.land(HERE, 100_000);
+    expect(await until("refused")).toMatchObject({ code: "radius_too_large", fatal: false });
+    expect((await ready(stream.land(HERE, 10))).missing).toEqual([]);
+  });
+
+  test("over HTTP an unknown scene is told, and not asked for again", async () => {
+    const { until } = listen({ overHttp: true, sceneUrl: sceneUrlOf(TERRAPORT_URL ?? "", "no-such-scene") });
+    const { link } = await until("link", (event) => event.link.state === "closed");
+    expect(link).toMatchObject({ code: "unknown_scene" });
+  });
+
   test("a newer landing supersedes the older", async () => {
     const { stream, ready, until, of } = listen({ creditBytes: 65_536 });
     const first = stream.land(HERE, 300);

@@ -43,8 +43,24 @@ export interface LinkOptions {
   readonly onLinkState: (link: LinkState) => void;
 }
 
+/** Carries what a session sends and receives. */
+export interface Connection {
+  /** Connect for the first time. */
+  start(): void;
+  /** Hand out events and send what the session has to send; to be called after every command. */
+  pump(): void;
+  /** Connect now, unless there is a connection already; another token makes a new one in any case. */
+  reconnect(token: string | undefined): void;
+  /** Connect to that address from now on. */
+  moveTo(url: string): void;
+  /** End a connection on which the server broke the protocol. */
+  refuse(reason: string): void;
+  /** Do not connect again. */
+  leave(): void;
+}
+
 /** Keeps one session connected until {@link leave}. */
-export class Link {
+export class Link implements Connection {
   readonly #options: LinkOptions;
   #url: string;
   readonly #outgoing: Outgoing;

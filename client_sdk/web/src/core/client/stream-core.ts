@@ -9,7 +9,7 @@ import type { GroupCommand } from "../extras/group-types.ts";
 import { inflate } from "../payload/gzip.ts";
 import { segmentBounds } from "../payload/segment-format.ts";
 import { StreamError } from "../scene/errors.ts";
-import { streamUrl } from "../scene/urls.ts";
+import { parseSceneUrl, sceneUrlOf, streamUrl } from "../scene/urls.ts";
 import type { SessionEvent } from "../session/events.ts";
 import { ClientSession } from "../session/session.ts";
 import type {
@@ -30,7 +30,8 @@ import type {
 import type { PlanRow } from "../wire/messages.ts";
 import { sharedNowMs } from "./clock.ts";
 import type { DiskCache } from "./disk-cache.ts";
-import { Link } from "./link.ts";
+import { HttpLink } from "./http-link.ts";
+import { type Connection, Link, type LinkOptions } from "./link.ts";
 import { sessionOptionsOf } from "./stream-options.ts";
 import { asStreamError } from "./worker-errors.ts";
 
@@ -67,7 +68,7 @@ interface Pending {
 export class StreamCore {
   readonly #platform: StreamCorePlatform;
   readonly #session: ClientSession;
-  readonly #link: Link;
+  readonly #link: Connection;
   readonly #picks = new Map<number, Answer>();
   readonly #pending = new Map<number, Pending>();
   readonly #cacheBytes: number;
@@ -85,14 +86,16 @@ export class StreamCore {
     this.#cacheBytes = cacheBytes;
     this.#sceneUrl = options.sceneUrl;
     this.#session = new ClientSession(sessionOptions, cacheBytes);
-    this.#link = new Link({
+    const isOverHttp = options.overHttp === true;
+    const linkOptions: LinkOptions = {
       session: this.#session,
-      url: streamUrl(options.sceneUrl),
+      url: isOverHttp ? httpUrlOf(options.sceneUrl) : streamUrl(options.sceneUrl),
       token: options.token,
       WebSocket: platform.WebSocket,
       handle: (events) => this.#handle(events),
       onLinkState: (link) => this.#onLink(link),
-    });
+    };
+    this.#link = isOverHttp ? new HttpLink(linkOptions) : new Link(linkOptions);
   }
 
   /** Connect, when the payloads of earlier visits are here. */
@@ -339,6 +342,13 @@ export class StreamCore {
 
 function factsOf({ key, id: segment, bytes, faces, vertices, follows, isCoarser }: PlanRow): SegmentFacts {
   return { key, segment, isCoarser, bytes, faces, vertices, follows };
+}
+
+/** The scene's own address, in the form that requests are made to. */
+function httpUrlOf(sceneUrl: string): string {
+  const { server, scene } = parseSceneUrl(sceneUrl);
+  if (scene === null) throw new StreamError("invalid_url", `${server} names no scene, expected .../scenes/ID`);
+  return sceneUrlOf(server, scene);
 }
 
 function closedHere(): StreamError {

@@ -9,6 +9,8 @@ export interface HttpOptions {
   readonly signal?: AbortSignal | undefined;
   /** GET without it. */
   readonly method?: "POST" | "DELETE";
+  /** Bytes of the file, `end` excluded; the whole file without it. */
+  readonly range?: { readonly begin: number; readonly end: number };
   /** Sent as JSON. */
   readonly body?: object;
 }
@@ -69,7 +71,7 @@ export function parseJson(bytes: Uint8Array, url: string): unknown {
  */
 export async function fetchBytes(
   url: string,
-  { token, signal, method, body }: HttpOptions,
+  { token, signal, method, body, range }: HttpOptions,
   download: Download,
 ): Promise<Uint8Array<ArrayBuffer>> {
   try {
@@ -78,12 +80,16 @@ export async function fetchBytes(
       headers: {
         ...(token === undefined ? {} : { Authorization: `Bearer ${token}` }),
         ...(body === undefined ? {} : { "Content-Type": "application/json" }),
+        ...(range === undefined ? {} : { Range: `bytes=${range.begin}-${range.end - 1}` }),
       },
       body: body === undefined ? null : JSON.stringify(body),
       redirect: "error",
       signal: signal ?? null,
     });
     if (!response.ok) throw await refusal(url, response);
+    if (range !== undefined && response.status !== 206) {
+      throw new StreamError("damaged", `got all of ${url}, expected a server that gives ranges`, response.status);
+    }
     return await readBody(url, response, download);
   } catch (error) {
     signal?.throwIfAborted();

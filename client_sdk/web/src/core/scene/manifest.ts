@@ -22,6 +22,8 @@ export const OVERVIEW = "overview.tsg";
 export interface CheckedManifest {
   readonly manifest: SceneManifest;
   readonly baseFaces: number;
+  /** Folder of the version, before the names of its files. */
+  readonly folder: string;
   readonly files: Readonly<Record<LoadedFile, FileFacts>>;
   /** Absent where the base is the first picture. */
   readonly overview?: FileFacts;
@@ -98,6 +100,7 @@ function readManifest(json: JsonObject, id: string): CheckedManifest {
   return {
     manifest: typeof links.strokes === "string" ? { ...manifest, mayPaint: true } : manifest,
     baseFaces: expectWhole(counts.base_faces, "counts.base_faces", 1),
+    folder: expectText(expectObject(files["base.tsg"], "base.tsg").path, "path of base.tsg").split("/")[0]!,
     ...(files[OVERVIEW] !== undefined && { overview: readFile(files, OVERVIEW) }),
     files: {
       "base.tsg": readFile(files, "base.tsg"),

@@ -234,7 +234,7 @@ export type ServerMessage<T extends keyof typeof SERVER = keyof typeof SERVER> =
 export function encodeMessage(message: ClientMessage): Uint8Array<ArrayBuffer> {
   const { type } = message;
   try {
-    checkRadii(message);
+    checkRules(message);
     return writeMsgpack(
       writeFields(CLIENT[type] as Fields, message as never, new Map<string, Plain>([["type", type]])),
     );
@@ -275,7 +275,11 @@ export function tokenSubprotocol(token: string): string {
   return `terraport.token.${text.replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "")}`;
 }
 
-function checkRadii(message: ClientMessage): void {
+/** Check what no table says: rules between the fields of a message. */
+function checkRules(message: ClientMessage): void {
+  if (message.type === "pick" && message.direction?.every((part) => part === 0)) {
+    throw new FieldError("got (0, 0, 0), expected a direction", "direction");
+  }
   if ("inner_radius_m" in message && (message.inner_radius_m ?? 0) > message.radius_m) {
     const got = `got ${message.inner_radius_m}, expected at most radius_m ${message.radius_m}`;
     throw new FieldError(got, "inner_radius_m");
