@@ -85,9 +85,11 @@ def test_what_is_drawn_is_what_is_in_view(page: Page, server: Service) -> None:
     viewer = DrivenViewer(page, server.url, SMALL)
     viewer.open()
     plan = viewer.land((0.0, 2.0, 0.0), 60.0)["plan"]
-    assert plan["keep"] == []
-    boxes = np.array([entry["bounds"] for entry in plan["load"]])
-    faces = sorted(entry["faces"] for entry in plan["load"])
+    faces = sorted(row["faces"] for row in plan["show"])
+    with terraport.sync.connect(f"{server.url}/scenes/{SMALL}") as session:
+        segments = session.land((0.0, 2.0, 0.0), radius_m=60.0).ready(30)
+        points = [segment.arrays().positions for segment in segments]
+    boxes = np.array([[*each.min(axis=0), *each.max(axis=0)] for each in points])
     everything = viewer.look((0.0, 700.0, 0.0), 0.0, -90.0)
     base = max(everything, key=lambda call: call[1])
     assert sorted(count // 3 for index, count in everything if index != base[0]) == faces
