@@ -75,7 +75,7 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
   }
 
   function open(files: SceneFiles): void {
-    // Its first event says of which version it is; the stage compares that with the files (wire protocol, 2.5).
+    // Its first event says of which version it is; the stage compares that with the files.
     const budgets = deviceBudgets();
     const { token } = shell.token;
     const stream = openStream({

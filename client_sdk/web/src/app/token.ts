@@ -1,7 +1,7 @@
 /**
  * The token that opens a service's scenes.
  *
- * Kept for this tab alone, and never in an address: addresses end up in histories, logs and mails (wire protocol, 2.3).
+ * Kept for this tab alone, and never in an address: addresses end up in histories, logs and mails.
  */
 
 import type { KeyValueStorage } from "./bookmarks.ts";
@@ -9,7 +9,7 @@ import { h, setText } from "./dom.ts";
 import { icon } from "./icons.ts";
 
 const KEY = "terraport.token";
-/** As the wire protocol has it. */
+/** As the protocol has it. */
 const MAX_LENGTH = 4096;
 
 /** Why a token is asked for. */

@@ -1,7 +1,7 @@
 /**
  * What meshes take on a GPU, and what of a device's share of it one landing may take.
  *
- * PURE. The reckoning is that of the wire protocol, section 6.2: the service makes plans by it.
+ * PURE. The reckoning is that of the protocol, section 4, rule 2: the service makes plans by it.
  */
 
 import type { DeviceBudgets } from "./budgets.ts";

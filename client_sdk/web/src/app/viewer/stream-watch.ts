@@ -112,7 +112,7 @@ export async function renewToken(
   if (newToken !== null) stream.reconnect(newToken);
 }
 
-/** The session's scene is another version than the one that is shown (wire protocol, 5.4). */
+/** The session's scene is another version than the one that is shown. */
 async function takeVersion(modules: StreamListeners, version: string): Promise<void> {
   const { headset, loadFiles, stage, comfort, reload, notices } = modules;
   if (headset.session === null) {

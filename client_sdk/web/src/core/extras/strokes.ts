@@ -1,4 +1,4 @@
-/** Strokes that people paint on a scene, and what they have taught (wire protocol, section 2.5). A shell: it fetches. */
+/** Strokes that people paint on a scene, and what they have taught (protocol, section 11). A shell: it fetches. */
 
 import { PayloadError } from "../payload/errors.ts";
 import { StreamError } from "../scene/errors.ts";

@@ -8,7 +8,7 @@
 export class StreamError extends Error {
   override readonly name = "StreamError";
   /**
-   * An error code of the wire protocol; or `unreachable` (no answer), `origin_not_allowed` (an answer that the browser keeps from
+   * An error code of the protocol; or `unreachable` (no answer), `origin_not_allowed` (an answer that the browser keeps from
    * this page), `invalid_url`, `unsupported_version` (of the scene
    * format), `damaged` (what came cannot be read, or has another hash), `refused` (any other HTTP status),
    * `several_scenes` (a server URL where one scene is meant), and those of core/client.

@@ -36,7 +36,7 @@ export interface LoadOptions extends HttpOptions {
  * Load everything of a scene that is loaded once, in this thread.
  *
  * @param sceneUrl Scene URL; or a server URL, whose only scene is meant.
- * @throws StreamError With the code of the wire protocol where the server refuses, else one of those named there.
+ * @throws StreamError With an error code of the protocol where the server refuses, else one of those named there.
  * @throws The signal's reason where it is aborted.
  */
 export async function loadScene(sceneUrl: string, options: LoadOptions = {}): Promise<SceneFiles> {

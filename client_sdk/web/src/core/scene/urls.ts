@@ -1,5 +1,5 @@
 /**
- * Scene URLs, in every form that a user may paste, to the addresses behind them (wire protocol, section 2.1): the rules of
+ * Scene URLs, in every form that a user may paste, to the addresses behind them (protocol, sections 2 and 11): the rules of
  * `terraport.urls`.
  */
 

@@ -1,7 +1,7 @@
 /**
  * How long to wait before connecting again.
  *
- * Wire protocol, section 10.1: 0.5 s, then twice as long each time up to 30 s, each wait multiplied by a random
+ * 0.5 s, then twice as long each time up to 30 s, each wait multiplied by a random
  * number in [0.5, 1], so that the clients of a restarted server do not all come back in the same moment.
  *
  * PURE; chance is an argument.

@@ -4,7 +4,7 @@
  * PURE; time is an argument.
  */
 
-/** The wire protocol averages the rate over 10 s (section 12). */
+/** The protocol averages the rate over 10 s (section 9). */
 const WINDOW_S = 10;
 
 /** Part of the allowance that is used: clocks and batching differ between the two sides. */
