@@ -95,9 +95,7 @@ test("five failures in a row and no more is tried", async () => {
   for (let count = 0; count < 5; count++) workers.at(-1)!.crash();
   const ends = await Promise.allSettled([...meshes.slice(1)]);
   expect(ends.every((end) => end.status === "rejected")).toBe(true);
-  await expect(pool.decode(job(9))).rejects.toMatchObject({
-    code: "worker_failed",
-  });
+  await expect(pool.decode(job(9))).rejects.toMatchObject({ code: "no_decoder" });
   await expect(Promise.race([meshes[0], Promise.resolve("waits")])).resolves.toBe("waits");
   meshes[0]!.catch(() => {});
 });

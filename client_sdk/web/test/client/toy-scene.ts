@@ -1,8 +1,8 @@
-/** A scene small enough to check by brute force: 36 segments of 1 m in the plane y = 0, with gaps of 1 m. */
+/** A scene small enough to check by brute force: 81 segments of 1 m in the plane y = 0, with gaps of 1 m. */
 
 import type { Bounds, SegmentKey, Vec3 } from "../../src/core/types.ts";
 
-const GRID = 6;
+const GRID = 9;
 export const MIDDLE: Vec3 = [GRID, 0, GRID];
 
 export interface ToySegment {

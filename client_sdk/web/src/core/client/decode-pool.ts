@@ -46,7 +46,7 @@ export class DecodePool {
       return Promise.reject(new StreamError("too_many", `${MAX_WAITING} segments wait for a decoder already`));
     }
     if (this.#failures >= MAX_FAILURES) {
-      return Promise.reject(new StreamError("worker_failed", `the last ${MAX_FAILURES} decode workers failed`));
+      return Promise.reject(new StreamError("no_decoder", `the last ${MAX_FAILURES} decode workers failed`));
     }
     return new Promise((resolve, reject) => {
       this.#waiting.push({ ...job, resolve, reject });

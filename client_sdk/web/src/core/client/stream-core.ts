@@ -37,6 +37,8 @@ import { asStreamError } from "./worker-errors.ts";
 
 /** Picks that wait for an answer; a server answers far fewer at a time. */
 const MAX_PICKS = 64;
+/** Close code of a connection that ended without one. */
+const ABNORMAL = 1006;
 /** Codes of {@link StreamError} that say nothing about the payload. */
 const NOT_DAMAGE: ReadonlySet<string> = new Set(["closed", "not_held", "too_many"]);
 
@@ -156,7 +158,8 @@ export class StreamCore {
       return await this.#platform.decode(entry.payload, attributes);
     } catch (error) {
       const failure = asStreamError(error);
-      if (!this.#closed && !NOT_DAMAGE.has(failure.code)) {
+      if (failure.code === "no_decoder") this.#giveUp(failure);
+      else if (!this.#closed && !NOT_DAMAGE.has(failure.code)) {
         this.#session.damaged(key);
         this.#link.pump();
       }
@@ -198,6 +201,13 @@ export class StreamCore {
       reject(error);
     }
     this.#picks.clear();
+  }
+
+  /** Nothing can be decoded any more: a connection would be of no use. */
+  #giveUp({ message }: StreamError): void {
+    if (this.#closed || this.#ended !== null) return;
+    this.#link.leave();
+    this.#onLink({ state: "closed", closeCode: ABNORMAL, code: "worker_failed", message });
   }
 
   #hurry(landing: number): void {

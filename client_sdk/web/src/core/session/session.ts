@@ -343,8 +343,8 @@ export class ClientSession {
     this.cache.delete(key);
     const complete = this.#complete;
     if (this.#open.length === 0 && complete?.rows().some((row) => row.key === key)) {
-      this.#fail(complete, [key]);
       this.landAgain();
+      this.#retry(complete, [key]);
     }
     for (const { plan, waiting } of this.#open) if (plan?.show.some((row) => row.key === key)) waiting.add(key);
     this.#update();
@@ -478,8 +478,7 @@ export class ClientSession {
     }
     const lost = [...waiting].filter((key) => this.cache.peek(key) === undefined);
     if (ready !== null && lost.length === waiting.size) {
-      this.#fail(landing, lost);
-      landing.reset();
+      this.#retry(landing, lost);
     } else if (landing.isUrgent && plan.inner_count !== undefined && plan.inner_hidden !== undefined) {
       const rows = landing.rows(plan.inner_count);
       if (rows.some(({ key }) => waiting.has(key))) return;
@@ -500,13 +499,21 @@ export class ClientSession {
     this.#trim();
   }
 
-  /** Count failed deliveries of a landing. */
-  #fail({ failures, without }: Landing, keys: readonly SegmentKey[]): void {
+  /** Request a landing again after failed deliveries; give it up where more failed than may be left out. */
+  #retry(landing: Landing, keys: readonly SegmentKey[]): void {
+    const { number, failures, without } = landing;
     for (const key of keys) {
       const count = (failures.get(key) ?? 0) + 1;
       failures.set(key, count);
-      if (count >= MAX_FAILURES && without.size < MAX_WITHOUT) without.add(key);
+      if (count >= MAX_FAILURES) without.add(key);
     }
+    if (without.size <= MAX_WITHOUT) {
+      landing.reset();
+      return;
+    }
+    this.#open.splice(this.#open.indexOf(landing), 1);
+    const message = `got ${without.size} segments that cannot be decoded, expected at most ${MAX_WITHOUT}`;
+    this.#events.push({ type: "refused", code: "damaged", message, fatal: false, landing: number });
   }
 
   #landMessage(landing: Landing): ClientMessage<"land"> {
