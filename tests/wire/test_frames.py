@@ -74,6 +74,14 @@ def test_the_largest_frame_is_taken_and_one_more_byte_is_not() -> None:
         decode_frame(data + b"\x00")
 
 
+def test_the_first_byte_tells_frames_and_kinds_apart() -> None:
+    for kind in (0x02, 0x7F):
+        assert decode_frame(bytes([kind])) is None
+    for other in (0x00, 0x80, 0xFF):
+        with pytest.raises(MalformedError):
+            decode_frame(bytes([other]) + LITERAL[1:])
+
+
 @given(
     generation=st.integers(0, 2**32 - 1),
     key=st.integers(0, 2**64 - 1),
