@@ -120,7 +120,7 @@ test("it comes with a reference of every export, made of the declarations", () =
     [...readFileSync(join(packed, "reference", `${entry}.md`), "utf8").matchAll(/^### (\S+)$/gm)].map(
       ([, name]) => name!,
     );
-  expect(named("core")).toEqual(expect.arrayContaining(["openStream", "Residency", "SceneFiles", "StreamEvent"]));
+  expect(named("core")).toEqual(expect.arrayContaining(["openStream", "SceneFiles", "StreamEvent"]));
   expect(named("three")).toEqual(expect.arrayContaining(["Terrain", "standNear", "ViewMode"]));
   expect(named("element")).toEqual(["TerraportScene", "TerraportSceneEventMap"]);
   // Nothing that whoever installs it cannot reach, and the comment of what he can.

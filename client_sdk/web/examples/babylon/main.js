@@ -1,4 +1,4 @@
-// A scene in an engine of one's own choice, here Babylon.js, by the core alone: `npm i @babylonjs/core` beside the package.
+// A scene in an engine of your choice, here Babylon.js, by the core alone: `npm i @babylonjs/core` next to the package.
 
 import { ArcRotateCamera } from "@babylonjs/core/Cameras/arcRotateCamera.js";
 import { Engine } from "@babylonjs/core/Engines/engine.js";
@@ -10,7 +10,7 @@ import { Vector3 } from "@babylonjs/core/Maths/math.vector.js";
 import { Mesh } from "@babylonjs/core/Meshes/mesh.js";
 import { VertexData } from "@babylonjs/core/Meshes/mesh.vertexData.js";
 import { Scene } from "@babylonjs/core/scene.js";
-import { loadSceneInWorker, openStream, passOn, Residency } from "@terraport/client/core";
+import { loadSceneInWorker, openStream } from "@terraport/client/core";
 
 const sceneUrl = new URLSearchParams(location.search).get("scene") ?? "http://127.0.0.1:8080/scenes/sample";
 const canvas = document.querySelector("#view");
@@ -24,12 +24,10 @@ camera.attachControl(canvas, true);
 
 /** A drawn mesh of decoded data, hidden. */
 function meshOf(data, name) {
-  const width = data.positions.length / data.vertexCount; // Whole steps come with padding.
+  const width = data.positions.length / data.vertexCount; // Some come with padding.
   const positions = new Float32Array(3 * data.vertexCount);
-  for (let at = 0; at < positions.length; at += 1) {
-    const code = data.positions[Math.floor(at / 3) * width + (at % 3)];
-    positions[at] = data.positions instanceof Uint16Array ? code * data.stepM + data.translation[at % 3] : code;
-  }
+  for (let at = 0; at < positions.length; at += 1)
+    positions[at] = data.positions[Math.floor(at / 3) * width + (at % 3)] * data.stepM + data.translation[at % 3];
   const vertices = new VertexData();
   vertices.positions = positions;
   vertices.indices = data.indices;
@@ -46,7 +44,7 @@ function meshOf(data, name) {
   if (data.image?.pixels instanceof ImageBitmap) {
     const texture = new DynamicTexture(name, data.image, scene);
     texture.getContext().drawImage(data.image.pixels, 0, 0);
-    texture.update(false); // glTF's first row is at v = 0.
+    texture.update(false); // The first row is at v = 0.
     data.image.pixels.close();
     material.emissiveTexture = texture;
     material.emissiveColor = Color3.Black();
@@ -59,46 +57,34 @@ function meshOf(data, name) {
 const { manifest, base } = await loadSceneInWorker(sceneUrl);
 const ground = meshOf(base, "base");
 ground.setEnabled(true);
-const drawn = new Map();
-const residency = new Residency({ maxInFlight: 8, maxInFlightBytes: 1 << 26, spareBytes: 1 << 27 });
-const stream = openStream({ sceneUrl, budgets: { maxTriangles: 2_000_000 }, cacheBytes: 1 << 27 });
-stream.onEvent = (event) => passOn(event, residency);
-
-/** Land: full detail within the radius, once all of it is here. */
-function land(position, radiusM) {
-  residency.land(stream.land(position, radiusM), position, radiusM, performance.now());
-}
-
-function put(segment, epoch, data) {
-  if (!residency.decoded(segment, epoch, data.vertexCount * 32 + data.indices.byteLength)) return;
-  drawn.set(segment, meshOf(data, `segment ${segment}`));
-  residency.uploaded(segment);
-  residency.warmed(segment);
-}
+const drawn = new Map(); // Meshes of segments by key.
 
 /** In one frame: a segment and the faces of the base under it are never both there, nor both missing. */
-function swap({ shown, hidden: gone, hiddenFaces }) {
-  for (const segment of shown) drawn.get(segment).setEnabled(true);
-  for (const segment of gone) drawn.get(segment).setEnabled(false);
-  const isHidden = (face) => (hiddenFaces[face >> 3] >> (face & 7)) & 1;
+function show(keys, hidden) {
+  for (const [key, mesh] of drawn) {
+    if (keys.includes(key)) mesh.setEnabled(true);
+    else if (drawn.delete(key)) mesh.dispose(false, true);
+  }
+  const isHidden = (face) => (hidden[face >> 3] >> (face & 7)) & 1;
   ground.setIndices(base.indices.filter((_, at) => !isHidden(Math.floor(at / 3))));
 }
 
-engine.runRenderLoop(() => {
-  for (const { segment, epoch } of residency.takeDecodes())
-    stream.mesh(segment, manifest.attributes).then(
-      (data) => put(segment, epoch, data),
-      () => residency.decodeFailed(segment, epoch),
-    );
-  for (const segment of residency.takeFreed()) {
-    drawn.get(segment)?.dispose(false, true);
-    drawn.delete(segment);
-  }
-  residency.basePrepared(residency.comingRevision); // Its faces are hidden in the swap itself.
-  const next = residency.swap();
-  if (next !== null) swap(next);
-  scene.render();
-});
+const stream = openStream({ sceneUrl, budgets: { maxTriangles: 2_000_000 } });
+let newest = stream.land([0, 0, 0], 10);
+stream.onEvent = async (event) => {
+  if (event.type !== "ready" || event.landing !== newest) return;
+  // Every payload is here: decode what is not drawn yet. A segment that cannot be decoded comes again, with another `ready`.
+  const missing = event.visible.filter((key) => !drawn.has(key));
+  const decoding = Promise.all(missing.map((key) => stream.mesh(key, manifest.attributes)));
+  const meshes = await decoding.catch(() => null);
+  if (meshes === null || event.landing !== newest) return;
+  for (const [at, key] of missing.entries()) drawn.set(key, meshOf(meshes[at], key));
+  show(event.visible, event.hidden);
+  Object.assign(window, { shown: event }); // To look at from the console.
+};
+const land = (position, radiusM) => {
+  newest = stream.land(position, radiusM);
+};
+engine.runRenderLoop(() => scene.render());
 addEventListener("resize", () => engine.resize());
-land([0, 0, 0], 10);
-Object.assign(window, { land, residency, drawn, ground }); // To look at from the console.
+Object.assign(window, { land, drawn, ground });

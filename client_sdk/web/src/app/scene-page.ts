@@ -3,7 +3,7 @@
 import { loadSceneInWorker, openStream, sharesOf } from "../core/index.ts";
 import { sceneUrlOf } from "../core/scene/urls.ts";
 import type { SceneFiles } from "../core/types.ts";
-import { deviceBudgets } from "./device.ts";
+import { deviceBudgets } from "../three/device.ts";
 import { h, setText } from "./dom.ts";
 import { loadFailure } from "./failures.ts";
 import { formatBytes } from "./format.ts";

@@ -1,9 +1,8 @@
 /**
  * `@terraport/client/core`: scenes, streams and decoded segments, for any renderer. No three.js, no DOM.
  *
- * A landing is asked of a {@link Stream}; {@link Residency}, to which {@link passOn} passes the stream's events, says which
- * segments an engine is to upload, show and free, and which faces of the base to hide with them. A segment is decoded by
- * `stream.mesh(key, manifest.attributes)`.
+ * A landing is asked of a {@link Stream}. When its event `ready` came, an engine decodes the segments that it does not draw yet by
+ * `stream.mesh(key, manifest.attributes)`, and then shows exactly those, without the faces of the base in `hidden`, in one frame.
  */
 
 export { budgetsFor, type DeviceBudgets, type DeviceClass } from "./budgets.ts";
@@ -13,8 +12,6 @@ export { openStream } from "./client/open-stream.ts";
 export type * from "./extras/group-types.ts";
 export { fetchTaught, listStrokes, paintStroke, type StrokeList, takeBackStroke } from "./extras/strokes.ts";
 export { type GpuShares, sharesOf } from "./gpu-budget.ts";
-export { Residency } from "./residency.ts";
-export { passOn } from "./residency-events.ts";
 export { StreamError } from "./scene/errors.ts";
 export { type HttpOptions, listScenes, type SceneList } from "./scene/load.ts";
 export { coarserPieces } from "./scene/regions.ts";

@@ -3,8 +3,8 @@
 import { Vector3 } from "three";
 
 import { StreamError } from "../core/scene/errors.ts";
-import type { SceneManifest, Vec3 } from "../core/types.ts";
-import { type LandingStatus, Terrain, type TerrainIntersection, type TerrainLandOptions } from "../three/index.ts";
+import type { LandOptions, SceneManifest, Vec3 } from "../core/types.ts";
+import { type LandingStatus, Terrain, type TerrainIntersection } from "../three/index.ts";
 import { SceneView } from "./scene-view.ts";
 
 /** Events of the element: none of them bubbles. */
@@ -105,7 +105,7 @@ export class TerraportScene extends HTMLElement {
    * not open, where the landing is refused or superseded, or where there is no connection for 15 s; with a RangeError on
    * numbers that the protocol does not allow.
    */
-  async land(position: Vec3, radiusM?: number, options?: TerrainLandOptions): Promise<LandingStatus> {
+  async land(position: Vec3, radiusM?: number, options?: LandOptions): Promise<LandingStatus> {
     const terrain = this.#terrain;
     if (terrain === null) throw new StreamError("closed", "the scene is not open yet: wait for the event `opened`");
     const landing = terrain.land(position, radiusM ?? this.#radiusM ?? terrain.defaultRadiusM, options);

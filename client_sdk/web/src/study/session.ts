@@ -3,13 +3,13 @@
 import { Euler, Frustum, Matrix4, type PerspectiveCamera, Vector3 } from "three";
 
 import { version } from "../../package.json";
-import { deviceBudgets } from "../app/device.ts";
 import type { Shell } from "../app/shell.ts";
 import { createViewer } from "../app/viewer/viewer.ts";
 import type { DrawnFrame } from "../app/viewer/viewer-options.ts";
 import { loadSceneInWorker, openStream, sharesOf } from "../core/index.ts";
 import { defaultRadiusM } from "../core/landing-defaults.ts";
 import { sceneUrlOf } from "../core/scene/urls.ts";
+import { deviceBudgets } from "../three/device.ts";
 import { HeadStream } from "./head-stream.ts";
 import { type Head, SessionLog } from "./log.ts";
 import { type HeadView, matchingErrorPx, type ScreenErrorOptions } from "./screen-error.ts";

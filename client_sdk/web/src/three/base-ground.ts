@@ -56,10 +56,9 @@ export class BaseGround {
   #whole: WholeBase | null = null;
   #miniaturePose: MiniaturePose | null = null;
   #measureName: string | null = null;
-  /** Bit set that the back list is to have. */
+  /** Bit set that the back list is to have, and the one that it has. */
   #target: Uint8Array | null = null;
-  #targetRevision = -1;
-  #preparedRevision = -1;
+  #prepared: Uint8Array | null = null;
 
   constructor(store: GpuStore, files: SceneFiles, material: GroundMaterial) {
     this.#store = store;
@@ -98,16 +97,6 @@ export class BaseGround {
     return this.mesh.visible;
   }
 
-  /** Revision that the back list was prepared for, or -1. */
-  get preparedRevision(): number {
-    return this.#preparedRevision;
-  }
-
-  /** Revision that `prepare` was last called with, or -1. */
-  get targetRevision(): number {
-    return this.#targetRevision;
-  }
-
   /** Bit set of the faces that are not drawn. */
   get hidden(): Uint8Array | undefined {
     return this.#lists?.[this.#front].hidden;
@@ -126,11 +115,14 @@ export class BaseGround {
     return this.#files.base.faceCount;
   }
 
-  /** Prepare the back list to hide these faces, a bit set; `step` does the work. */
-  prepare(hidden: Uint8Array, revision: number): void {
+  /** Prepare the back list to hide these faces, a bit set that does not change any more; `step` does the work. */
+  prepare(hidden: Uint8Array): void {
     this.#target = hidden;
-    this.#targetRevision = revision;
-    this.#preparedRevision = -1;
+  }
+
+  /** Whether `flip` would hide the faces of this very object. */
+  isPreparedFor(hidden: Uint8Array): boolean {
+    return this.#prepared === hidden;
   }
 
   /**
@@ -161,8 +153,7 @@ export class BaseGround {
     this.#front = this.#front === 0 ? 1 : 0;
     this.mesh.geometry = this.#lists[this.#front].geometry;
     this.#target = null;
-    this.#targetRevision = -1;
-    this.#preparedRevision = -1;
+    this.#prepared = null;
   }
 
   /** Also draw all faces, for a comparison with the detail, or stop it. False where the base is not on the GPU yet. */
@@ -289,7 +280,7 @@ export class BaseGround {
   /** Write the next block in which the back list differs from the target; the last step counts. */
   #prepareStep(): number {
     const target = this.#target;
-    if (target === null || this.#preparedRevision === this.#targetRevision || this.#lists === null) return 0;
+    if (target === null || target === this.#prepared || this.#lists === null) return 0;
     const back = this.#lists[this.#front === 0 ? 1 : 0];
     const changed = target.findIndex((bits, at) => bits !== back.hidden[at]);
     if (changed >= 0) {
@@ -300,7 +291,7 @@ export class BaseGround {
     }
     back.hiddenCount = countFaces(back.hidden);
     back.hiddenHash = hashFaces(back.hidden);
-    this.#preparedRevision = this.#targetRevision;
+    this.#prepared = target;
     return 1;
   }
 

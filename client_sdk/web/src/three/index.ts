@@ -1,11 +1,11 @@
 /** `@terraport/client/three`: {@link Terrain}, a scene as an object of three.js. */
 
+export { deviceBudgets, deviceClass } from "./device.ts";
+export type { Theme } from "./display.ts";
 export { isBuried, judgeFooting, newStand, standNear } from "./footing.ts";
 export { type Gain, pointSpacingM } from "./gain.ts";
 export type { Shading } from "./ground-shading.ts";
-export type { Theme } from "./stage-looks.ts";
 export {
-  deviceClass,
   type Place,
   Terrain,
   type TerrainEventMap,

@@ -8,33 +8,46 @@ import { closeImage, MeshUpload, SLICE_BYTES } from "./mesh-upload.ts";
 import type { PageRange } from "./page.ts";
 import type { ComingMesh, Pages } from "./pages.ts";
 
-/** A segment. `step` until `isWhole`; `free` once. */
+/** A decoded segment. Call `step` until `isWhole`, and `free` once. */
 export class SegmentGround {
-  /** Of the payload. */
-  readonly id: SegmentKey;
-  /** Number in the scene, at whichever level; -1 until it was shown. */
-  segment = -1;
-  isCoarser = false;
+  readonly key: SegmentKey;
   readonly faceCount: number;
   readonly vertexCount: number;
-  /** For picking; keeps positions, indices and region ids of the decoded mesh, and nothing else of it. */
-  readonly boxes: FaceBoxes;
   readonly bounds: MeshData["bounds"];
+  /** For ray tests: the decoded positions, indices and region ids, and nothing else of the mesh. */
+  readonly boxes: FaceBoxes;
+  /** Bytes on the GPU, once it is whole. */
+  readonly gpuBytes: number;
+  /** When it was decoded, or last hidden. */
+  usedAtMs: number;
+  /** Number in the scene, at whichever level; -1 until it is shown. */
+  segment = -1;
+  isCoarser = false;
   readonly #store: GpuStore;
   readonly #pages: Pages;
   readonly #attributes: readonly Pick<AttributeCodes, "name" | "offset" | "step">[];
   #measureName: string | null;
-  /** What is read from; null once it is whole, so that all but picking's may be collected. */
+  /** What is uploaded; null once all of it is, so that it can be collected. */
   #data: MeshData | null;
   /** Null until there is room for it. */
   #range: PageRange | null = null;
   #upload: MeshUpload | null = null;
 
-  constructor(store: GpuStore, pages: Pages, id: SegmentKey, data: MeshData, measureName: string | null) {
-    this.id = id;
+  constructor(
+    store: GpuStore,
+    pages: Pages,
+    key: SegmentKey,
+    data: MeshData,
+    gpuBytes: number,
+    measureName: string | null,
+    nowMs: number,
+  ) {
+    this.key = key;
     this.faceCount = data.faceCount;
     this.vertexCount = data.vertexCount;
     this.bounds = data.bounds;
+    this.gpuBytes = gpuBytes;
+    this.usedAtMs = nowMs;
     const { translation, stepM, positions, indices, regionIds, faceCount, bounds } = data;
     this.boxes = new FaceBoxes({ translation, stepM, positions, indices, regionIds, faceCount, bounds });
     this.#attributes = data.attributes.map(({ name, offset, step }) => ({ name, offset, step }));
@@ -63,19 +76,18 @@ export class SegmentGround {
     return this.#range?.isShown === true;
   }
 
-  /** Of what is whole. */
   set isShown(isShown: boolean) {
     if (this.#range !== null) this.#range.isShown = isShown;
   }
 
-  /** What it is in the scene. */
+  /** Which segment of the scene it is. */
   set facts({ segment, isCoarser }: SegmentFacts) {
     this.segment = segment;
     this.isCoarser = isCoarser;
     if (this.#range !== null) this.#range.segment = segment;
   }
 
-  /** Washed with colour as long as the material says. */
+  /** Whether it is tinted as long as the material says. */
   set isFresh(isFresh: boolean) {
     if (this.#range !== null) this.#range.isFresh = isFresh;
   }
@@ -86,7 +98,7 @@ export class SegmentGround {
     if (data === null) return 0;
     if (this.#upload === null) {
       const parts = vertexParts(data);
-      const range = this.#pages.reserve(this.id, data, parts, coming);
+      const range = this.#pages.reserve(this.key, data, parts, coming);
       if (range === null) return 0;
       this.#range = range;
       this.setMeasure(this.#measureName);

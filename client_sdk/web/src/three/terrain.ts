@@ -2,7 +2,7 @@
  * A scene in a three.js application: base mesh, segments of the newest landing, and the swap between two landings.
  *
  * What is visible changes in {@link Terrain.swap} alone, which sets flags: buffers, textures and the base's next list of
- * faces were uploaded before, a few milliseconds in each frame's `update`. (core/residency.ts decides what is uploaded.)
+ * faces were uploaded before, a few milliseconds in each frame's `update`. (segment-set.ts decides what is uploaded.)
  */
 
 import {
@@ -19,20 +19,15 @@ import {
 import { budgetsFor, type DeviceBudgets, type DeviceClass } from "../core/budgets.ts";
 import { loadSceneInWorker } from "../core/client/load-scene.ts";
 import { openStream } from "../core/client/open-stream.ts";
-import { gpuBytesOf, sharesOf } from "../core/gpu-budget.ts";
+import { sharesOf } from "../core/gpu-budget.ts";
 import { coarseRadiusOf, defaultRadiusM, waitingOf } from "../core/landing-defaults.ts";
-import { Residency } from "../core/residency.ts";
-import { passOn } from "../core/residency-events.ts";
 import { StreamError } from "../core/scene/errors.ts";
 import type {
   Bounds,
-  FaceBits,
   LandOptions,
   LinkState,
-  MeshData,
   PickHit,
   SceneFiles,
-  SegmentKey,
   Stream,
   StreamEvent,
   TaughtPicture,
@@ -40,27 +35,26 @@ import type {
   Vec3,
 } from "../core/types.ts";
 import { BaseGround } from "./base-ground.ts";
+import { deviceBudgets } from "./device.ts";
+import { Display, type Theme } from "./display.ts";
 import { type Gain, gainOf } from "./gain.ts";
 import { GpuStore } from "./gpu-store.ts";
 import { GroundMaterial } from "./ground-material.ts";
 import { castGround, groundOnVertical, type Pickable, pickableBase, type ShownGround } from "./ground-picking.ts";
-import { GroundSet } from "./ground-set.ts";
 import type { Shading } from "./ground-shading.ts";
-import { statusOf } from "./landing-status.ts";
-import { closeImage } from "./mesh-upload.ts";
+import { type ShowableSet, statusOf } from "./landing.ts";
 import { emptyPage } from "./page.ts";
 import { regionColour, segmentColour, toCss } from "./palette.ts";
 import { PendingLanding } from "./pending-landing.ts";
-import { StageLooks, type Theme } from "./stage-looks.ts";
-import { StreamCounters, stageStats } from "./stage-stats.ts";
+import { SegmentSet } from "./segment-set.ts";
+import { StreamCounters, terrainStats } from "./terrain-stats.ts";
 import type {
   GroundHit,
   LandingStatus,
   Landings,
   MiniaturePose,
-  StageStats,
   SwapReport,
-  TerrainLandOptions,
+  TerrainStats,
   ViewMode,
   VisibleDigest,
 } from "./types.ts";
@@ -137,10 +131,6 @@ export type Place = Vec3 | { readonly x: number; readonly y: number; readonly z:
  * where nobody measures it.
  */
 const MAX_FRAME_UPLOAD_BYTES = 6 * 1024 * 1024;
-/** Segments decoded ahead of their upload. Small ones need many, since each takes two frames; textures take up to 22 MB each. */
-const IN_FLIGHT = { maxInFlight: 16, maxInFlightBytes: 64 * 1024 * 1024 };
-/** Revision of the base's list for what was visible when the context was lost: above any of a coming set. */
-const RESTORED_REVISION = Number.MAX_SAFE_INTEGER;
 
 /**
  * A scene to be added to a three.js scene: the base mesh of everything, and full detail around one place at a time.
@@ -168,15 +158,16 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
    * "degraded-presentable".
    */
   autoSwap: boolean;
+  /** Whether landings show the coarser level, where the scene has one, beyond their radius. */
+  showsCoarse = true;
   readonly stream: Stream;
   readonly #renderer: WebGLRenderer;
   readonly #budgets: DeviceBudgets;
   readonly #loadFiles: ((version: string) => Promise<SceneFiles>) | null;
-  readonly #residency: Residency;
   readonly #material: GroundMaterial;
-  readonly #grounds: GroundSet;
+  readonly #segments: SegmentSet;
   readonly #uploadBudget: UploadBudget;
-  readonly #looks: StageLooks;
+  readonly #display: Display;
   readonly #counters: StreamCounters;
   readonly #store: GpuStore;
   readonly #abort = new AbortController();
@@ -209,7 +200,7 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
    */
   static open(sceneUrl: string, options: TerrainOpenOptions): Promise<Terrain> {
     const { token, signal, onProgress } = options;
-    const budgets = { ...budgetsFor(options.device ?? deviceClass(), deviceMemoryGib()), ...options.budgets };
+    const budgets = { ...deviceBudgets(options.device), ...options.budgets };
     const loadFiles = async (version?: string, onOverview?: (files: SceneFiles) => void): Promise<SceneFiles> => {
       const now = typeof token === "function" ? await token() : token;
       return loadSceneInWorker(sceneUrl, { token: now, version, signal, onProgress, onOverview });
@@ -272,13 +263,17 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
     this.#uploadBudget = new UploadBudget(options.uploadBudgetMs ?? null);
     this.#counters = new StreamCounters(stream);
     const { spareGpuBytes, maxGpuBytes } = sharesOf(budgets, files);
-    this.#residency = new Residency({ ...IN_FLIGHT, spareBytes: spareGpuBytes });
     this.#store = new GpuStore(renderer);
     this.#material = new GroundMaterial(files.manifest, files.regions);
-    this.#grounds = new GroundSet(this.#content, this.#store, this.#material, this.#residency, maxGpuBytes, (id) =>
-      this.#mesh(id).then(({ image }) => image),
-    );
-    this.#looks = new StageLooks(this.#material, this.#grounds);
+    this.#segments = new SegmentSet({
+      parent: this.#content,
+      store: this.#store,
+      material: this.#material,
+      maxGpuBytes,
+      spareGpuBytes,
+      decode: (key) => stream.mesh(key, this.#files.manifest.attributes),
+    });
+    this.#display = new Display(this.#material, this.#segments);
     this.#base = new BaseGround(this.#store, files, this.#material);
     this.#baseBoxes = pickableBase(files);
     this.setShading(options.shading ?? {});
@@ -296,7 +291,7 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
   }
 
   get status(): LandingStatus {
-    return statusOf(this.#residency, !this.#isBehind && !this.#isLost);
+    return statusOf(this.#segments.newest, this.#presentable, (key) => this.#segments.isOnGpu(key));
   }
 
   /** What is known of the scene, and its base; of the overview until the base is here. */
@@ -317,15 +312,14 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
   /** Numbers of the segments shown, ascending; those at the coarser level are counted on from the finer ones. */
   get shownSegments(): readonly number[] {
     const { segmentCount } = this.#files.manifest;
-    const numbers = this.#residency.visible.map((key) => {
-      const facts = this.#residency.factsOf(key);
-      return facts === undefined ? -1 : facts.segment + (facts.isCoarser ? segmentCount : 0);
-    });
-    return numbers.sort((a, b) => a - b);
+    const numbers = this.#segments.visible?.segments.map(
+      ({ segment, isCoarser }) => segment + (isCoarser ? segmentCount : 0),
+    );
+    return numbers?.sort((a, b) => a - b) ?? [];
   }
 
   get mode(): ViewMode {
-    return this.#looks.mode;
+    return this.#display.mode;
   }
 
   /**
@@ -336,15 +330,14 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
     if (this.#isLost || this.#isDisposed) {
       return false;
     }
-    const { comingRevision, coming } = this.#residency;
-    const isBaseBehind = !this.#isBehind && coming !== null && this.#base.preparedRevision !== comingRevision;
+    const { next } = this.#segments;
+    const isBaseBehind = !this.#isBehind && next !== null && !this.#base.isPreparedFor(next.hidden);
     return (
-      this.#looks.isFading ||
+      this.#display.isFading ||
       !this.#content.visible ||
       !this.#base.isUploaded ||
       isBaseBehind ||
-      this.#grounds.isBusy ||
-      this.#residency.isBusy
+      this.#segments.isBusy
     );
   }
 
@@ -365,20 +358,16 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
    *
    * @throws RangeError for numbers that the protocol does not allow.
    */
-  land(
-    position: Place,
-    radiusM: number = this.defaultRadiusM,
-    options: TerrainLandOptions = {},
-  ): Promise<LandingStatus> {
+  land(position: Place, radiusM: number = this.defaultRadiusM, options: LandOptions = {}): Promise<LandingStatus> {
     const place = vec3Of(position);
-    const { coarseRadiusM = coarseRadiusOf(radiusM, this.#files.manifest) ?? null, ...others } = options;
+    const coarseRadiusM = this.#coarseRadiusM(radiusM);
     const landOptions: LandOptions = {
       ...waitingOf(radiusM, this.#renderer.xr.isPresenting),
-      ...others,
-      ...(coarseRadiusM !== null && { coarseRadiusM }),
+      ...(coarseRadiusM !== undefined && { coarseRadiusM }),
+      ...options,
     };
     const landing = this.stream.land(place, radiusM, landOptions);
-    this.#residency.land(landing, place, radiusM, performance.now(), landOptions);
+    this.#segments.land(landing, place, radiusM, performance.now(), landOptions);
     this.#pending?.reject("superseded", `superseded by landing ${landing}`);
     const pending = new PendingLanding();
     this.#pending = pending;
@@ -388,8 +377,8 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
   }
 
   /** Load what a landing there would need, when no landing waits for the connection. For the place that the user points at. */
-  prefetch(position: Place, radiusM: number = this.defaultRadiusM, coarseRadiusM?: number): void {
-    this.stream.aim(vec3Of(position), radiusM, coarseRadiusM);
+  prefetch(position: Place, radiusM: number = this.defaultRadiusM): void {
+    this.stream.aim(vec3Of(position), radiusM, this.#coarseRadiusM(radiusM));
   }
 
   /**
@@ -402,9 +391,9 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
 
   /** Take an event of the stream. {@link Terrain.open} connects this; for others, every event must be passed. */
   handle(event: StreamEvent): void {
+    this.#segments.handle(event);
     if (event.type === "opened") this.#sessionOpened(event.sceneVersion, event.changed);
-    else passOn(event, this.#residency);
-    if (event.type === "link") this.#followLink(event.link);
+    else if (event.type === "link") this.#followLink(event.link);
     else if (event.type === "refused" && event.landing !== null) {
       const error = new StreamError(event.code, event.message);
       if (event.landing === this.status.landing) this.#pending?.reject(event.code, event.message);
@@ -427,16 +416,16 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
     }
     const startMs = performance.now();
     this.#uploadBudget.begin(startMs);
-    this.#grounds.endWarming();
-    this.#finishRestoring();
-    this.#askForMeshes();
-    this.#grounds.free();
-    this.#prepareBase();
+    // Of another version the attributes' scales are not here yet.
+    this.#segments.update(!this.#isOldVersion);
+    this.#restore();
+    const { next } = this.#segments;
+    if (next !== null && !this.#isBehind && !this.#base.isPreparedFor(next.hidden)) this.#base.prepare(next.hidden);
     const endMs = startMs + this.uploadBudgetMs;
     let bytes = 0;
     // The base goes first: without its list for the coming set no swap is possible, however many segments are there.
     while (bytes < MAX_FRAME_UPLOAD_BYTES && performance.now() < endMs) {
-      const slice = this.#base.step() || this.#grounds.step();
+      const slice = this.#base.step() || this.#segments.step();
       if (slice === 0) {
         break;
       }
@@ -444,33 +433,24 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
     }
     // In the frame that first draws the base: the ground is there throughout, and never twice.
     if (this.#base.isUploaded) this.#endLeaving();
-    if (!this.#residency.restoring && this.#base.preparedRevision === this.#residency.comingRevision) {
-      this.#residency.basePrepared(this.#base.preparedRevision);
-    }
     const nowMs = performance.now();
-    this.#residency.settle(nowMs);
-    this.#looks.update(nowMs, this.#base, this.#renderer);
+    this.#segments.settle(nowMs, this.#presentable);
+    this.#display.update(nowMs, this.#base, this.#renderer);
     this.#uploadBudget.end(nowMs);
     if (!this.autoSwap || this.swap() === null) this.#reportLanding();
   }
 
   /** Show the landing that is presentable, in this frame: flags only. Null where none is. `update` does it by default. */
   swap(): SwapReport | null {
-    const swap = this.#isLost || this.#isBehind ? null : this.#residency.swap();
-    if (!swap) {
-      return null;
-    }
+    const set = this.#presentable;
+    if (set === null) return null;
     // One frame, flags alone: a segment and the base faces under it are never both missing, nor both drawn.
-    for (const segment of swap.hidden) {
-      this.#grounds.setShown(segment, false);
-    }
-    for (const segment of swap.shown) {
-      this.#grounds.setShown(segment, true);
-    }
+    const { shown, hidden, isWhole } = this.#segments.swap(set);
     this.#base.flip();
-    this.#looks.swapped(swap.shown);
-    const { landing, shown, hidden, degraded } = swap;
-    const report = { landing, shown, hidden, hiddenBaseFaces: this.#base.hiddenCount, degraded };
+    this.#digest = null;
+    this.#display.swapped(shown);
+    const { landing } = this.#segments.newest!;
+    const report = { landing, shown, hidden, hiddenBaseFaces: this.#base.hiddenCount, degraded: !isWhole };
     this.dispatchEvent({ type: "swapped", report });
     this.#reportLanding();
     return report;
@@ -512,12 +492,12 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
 
   /** Tint what the newest swap has shown for a moment: that is what became sharp. */
   markFresh(): void {
-    this.#looks.markFresh(performance.now());
+    this.#display.markFresh(performance.now());
   }
 
   /** Draw the base alone left of this share of the picture's width, what is shown right of it; null ends it. */
   setSplit(share: number | null): void {
-    this.#looks.split = share;
+    this.#display.split = share;
   }
 
   /**
@@ -525,14 +505,15 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
    * of what is visible: nothing meets it, and it counts in no digest.
    */
   setMiniature(pose: MiniaturePose | null): void {
-    this.#looks.miniature = pose;
+    this.#display.miniature = pose;
   }
 
   /** What full detail of the landing that is shown has made sharper; null without any. Walks the base: once per landing. */
   gain(): Gain | null {
     const { hidden } = this.#base;
     if (hidden === undefined) return null;
-    return gainOf(this.#files.base, hidden, [...this.#grounds.shownAtFullDetail.values()]);
+    const full = [...this.#segments.shown.values()].filter(({ isCoarser }) => !isCoarser);
+    return gainOf(this.#files.base, hidden, full);
   }
 
   /** Lay what strokes have taught over the ground; null takes it away. */
@@ -547,7 +528,7 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
    */
   setMode(mode: ViewMode | string, theme: Theme = "light"): void {
     const { manifest, regions } = this.#files;
-    this.#looks.setMode(modeFrom(mode, manifest, regions), theme, this.#base);
+    this.#display.setMode(modeFrom(mode, manifest, regions), theme, this.#base);
   }
 
   /**
@@ -555,7 +536,7 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
    * of it changes what is visible, or what is met by `cast`: a clipped point is met.
    */
   setShading(shading: Shading): void {
-    this.#looks.setShading(shading, this.#base);
+    this.#display.setShading(shading, this.#base);
   }
 
   /** Show one region in its colours and dim everything else, in every mode; null ends it. Changes nothing of what is visible. */
@@ -579,9 +560,16 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
     return this.#digest ?? this.#digestOfDrawn();
   }
 
-  stats(): StageStats {
+  stats(): TerrainStats {
     const stream = this.#counters.read(performance.now());
-    return stageStats(stream, this.#store, this.#base, this.#baseBoxes.boxes, this.#grounds, this.#uploadBudget.times);
+    return terrainStats(
+      stream,
+      this.#store,
+      this.#base,
+      this.#baseBoxes.boxes,
+      this.#segments,
+      this.#uploadBudget.times,
+    );
   }
 
   /** Version whose files {@link replaceFiles} needs; null where the session's are here. */
@@ -602,8 +590,7 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
     this.#files = files;
     this.#isOldVersion = false;
     this.#digest = null;
-    this.#grounds.hideAll();
-    this.#residency.clearVisible();
+    this.#segments.hideAll();
     this.#material.setVersion(files.manifest, files.regions);
     this.#baseBoxes = pickableBase(files);
     if (this.#leavingBase === null) this.#base.dispose();
@@ -618,7 +605,7 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
     this.#abort.abort();
     this.#pending?.reject("closed", "the terrain was disposed");
     if (this.#ownsStream) this.stream.close();
-    this.#grounds.freeAll();
+    this.#segments.freeAll();
     this.#base.dispose();
     this.#endLeaving();
     this.#material.dispose();
@@ -642,8 +629,7 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
     // What was visible counts as visible until it is back: its digest is that of before.
     this.#digest ??= this.#digestOfDrawn();
     this.#isLost = true;
-    this.#residency.contextLost();
-    this.#grounds.freeAll();
+    this.#segments.contextLost();
     this.#base.dispose();
     this.#endLeaving();
     this.dispatchEvent({ type: "contextlost" });
@@ -655,15 +641,16 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
     this.#isLost = false;
     this.#content.visible = true;
     this.#makeBase();
-    if (!this.#residency.restoring) {
-      this.#digest = null;
-    }
+    if (this.#segments.visible === null) this.#digest = null;
     this.dispatchEvent({ type: "contextrestored" });
+  }
+
+  #coarseRadiusM(radiusM: number): number | undefined {
+    return this.showsCoarse ? coarseRadiusOf(radiusM, this.#files.manifest) : undefined;
   }
 
   #sessionOpened(version: string, changed: boolean): void {
     this.#servedVersion = version;
-    this.#residency.sessionOpened();
     // Also where it was published between the files and the session: hidden faces are those of one version's base.
     if (!changed && (version === this.#files.manifest.version || this.#isOldVersion)) return;
     this.#leaveVersion();
@@ -714,40 +701,14 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
 
   #makeBase(): void {
     this.#base = new BaseGround(this.#store, this.#files, this.#material);
-    this.#base.setMeasure(this.#looks.measureName);
+    this.#base.setMeasure(this.#display.measureName);
     this.#content.add(this.#base.mesh);
   }
 
   /** What is shown stays drawn until the new version's files are here; it must not be taken for segments of the new. */
   #leaveVersion(): void {
-    // Residency first: answers of decoders that are under way are of the epoch before, and are thrown away.
-    this.#residency.versionChanged();
     this.#isOldVersion = true;
-    this.#grounds.leaveVersion();
-  }
-
-  #askForMeshes(): void {
-    // The new version's attributes are not here yet.
-    if (this.#isOldVersion) return;
-    for (const { segment, epoch } of this.#residency.takeDecodes()) {
-      this.#mesh(segment).then(
-        (data) => this.#onMesh(segment, data, epoch),
-        () => this.#residency.decodeFailed(segment, epoch),
-      );
-    }
-  }
-
-  #mesh(segment: SegmentKey): Promise<MeshData> {
-    return this.stream.mesh(segment, this.#files.manifest.attributes);
-  }
-
-  #onMesh(segment: SegmentKey, data: MeshData, epoch: number): void {
-    // The bitmap is this side's to close wherever the mesh is not taken: memory of images is not collected in time.
-    if (this.#isDisposed || !this.#residency.decoded(segment, epoch, gpuBytesOf(data))) {
-      closeImage(data.image);
-      return;
-    }
-    this.#grounds.add(segment, data);
+    this.#segments.leaveVersion();
   }
 
   /** Whether the base of what comes is not here yet: nothing of it is shown before. */
@@ -755,44 +716,28 @@ export class Terrain extends Group<TerrainEventMap> implements Landings {
     return this.#isOldVersion || this.#files.isOverview === true;
   }
 
-  #prepareBase(): void {
-    if (this.#isBehind) {
-      return;
-    }
-    if (this.#residency.restoring) {
-      const restorable = this.#residency.restorable();
-      if (restorable) {
-        this.#prepareHidden(restorable, RESTORED_REVISION);
-      }
-    } else if (this.#residency.coming) {
-      this.#prepareHidden(this.#residency.coming.hidden, this.#residency.comingRevision);
-    }
+  /** What a swap would show now; null where nothing can be shown. */
+  get #presentable(): ShowableSet | null {
+    const set = this.#isLost || this.#isBehind ? null : this.#segments.presentable;
+    return set !== null && this.#base.isPreparedFor(set.hidden) ? set : null;
   }
 
-  /** Prepare the base to be drawn without these faces. */
-  #prepareHidden(hidden: FaceBits, revision: number): void {
-    if (revision !== this.#base.targetRevision) this.#base.prepare(hidden, revision);
-  }
-
-  #finishRestoring(): void {
-    if (!this.#residency.restoring || this.#base.preparedRevision !== RESTORED_REVISION) {
-      return;
-    }
-    this.#residency.restored();
-    for (const segment of this.#residency.visible) {
-      this.#grounds.setShown(segment, true);
-    }
+  /** After a loss of the graphics context: draw what was shown, once all of it is back. */
+  #restore(): void {
+    const set = this.#segments.restorable;
+    if (set === null || !this.#base.isPreparedFor(set.hidden)) return;
+    this.#segments.restore();
     this.#base.flip();
     this.#digest = null;
   }
 
   #digestOfDrawn(): VisibleDigest {
-    return `${this.#grounds.digest()}:${this.#base.hiddenCount}:${this.#base.hiddenHash.toString(16)}`;
+    return `${this.#segments.digest()}:${this.#base.hiddenCount}:${this.#base.hiddenHash.toString(16)}`;
   }
 
   #shownGround(): ShownGround {
     return {
-      segments: this.#grounds.shown.values(),
+      segments: this.#segments.shown.values(),
       base: this.#baseBoxes,
       hidden: this.#base.hidden,
       pushM: this.#files.manifest.deviationM,
@@ -808,16 +753,4 @@ export interface TerrainIntersection extends Intersection {
 
 function vec3Of(place: Place): Vec3 {
   return "x" in place ? [place.x, place.y, place.z] : place;
-}
-
-/** The kind of this device, as far as a page can tell without asking for more rights. */
-export function deviceClass(): DeviceClass {
-  if (/OculusBrowser|Quest|PicoBrowser|VisionOS/i.test(navigator.userAgent)) return "headset";
-  const isTouch = matchMedia("(pointer: coarse)").matches;
-  return isTouch && Math.min(screen.width, screen.height) < 900 ? "phone" : "desktop";
-}
-
-/** Main memory, where the browser says it: Chromium alone does, in steps. */
-function deviceMemoryGib(): number | undefined {
-  return (navigator as { deviceMemory?: number }).deviceMemory;
 }

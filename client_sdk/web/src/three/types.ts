@@ -96,8 +96,8 @@ export interface GpuMemory {
   readonly freedBytes: number;
 }
 
-/** What a stage holds and has done: for a panel of figures, or a log. */
-export interface StageStats {
+/** What a terrain holds and has done: for a panel of figures, or a log. */
+export interface TerrainStats {
   readonly stream: StreamStats | null;
   readonly gpu: GpuMemory;
   /** Main memory held for picking: positions, indices and region ids of what is on the GPU. */
@@ -114,18 +114,14 @@ export interface StageStats {
  */
 export type VisibleDigest = string;
 
-/** Options of one landing. What is left out is as suits the device and the scene. */
-export interface TerrainLandOptions extends Omit<LandOptions, "coarseRadiusM"> {
-  /** Beyond the radius, up to here, the coarser level is shown, where the scene has one; null for none. */
-  readonly coarseRadiusM?: number | null;
-}
-
 /** The part of a terrain that the headset and the page use to land. */
 export interface Landings {
   /** Of the newest landing: that of `land` as soon as it was called. */
   readonly status: LandingStatus;
-  land(position: Vec3, radiusM: number, options?: TerrainLandOptions): Promise<LandingStatus>;
-  prefetch(position: Vec3, radiusM: number, coarseRadiusM?: number): void;
+  /** Numbers of the segments shown; those at the coarser level are counted on from the finer ones. */
+  readonly shownSegments: readonly number[];
+  land(position: Vec3, radiusM: number, options?: LandOptions): Promise<LandingStatus>;
+  prefetch(position: Vec3, radiusM: number): void;
   /** Show the presentable set: visibility flags only, within one frame. Null where nothing is presentable. */
   swap(): SwapReport | null;
   /** First point of what is shown along a ray. `direction` need not be a unit vector. */

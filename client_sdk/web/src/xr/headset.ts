@@ -118,8 +118,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     landings.groundAt(position[0], position[2], position[1] + GROUND_FROM_M)?.position ?? position;
 
   const land = (target: Target): void => {
-    const landOptions = options.landOptions?.();
-    void landings.land(target.position, options.radiusM(), landOptions);
+    void landings.land(target.position, options.radiusM());
     const { landing } = landings.status;
     knownLanding = landing;
     refusedUntilMs = 0;

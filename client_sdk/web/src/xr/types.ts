@@ -2,7 +2,7 @@
 
 import type { Group, Object3D, PerspectiveCamera, WebGLRenderer } from "three";
 import type { StreamEvent, Vec3 } from "../core/types.ts";
-import type { Landings, MiniaturePose, TerrainLandOptions, ViewMode } from "../three/types.ts";
+import type { Landings, MiniaturePose, ViewMode } from "../three/types.ts";
 import type { TimeSummary } from "./frames.ts";
 import type { TeleportPhase } from "./teleport.ts";
 
@@ -65,7 +65,6 @@ export interface HeadsetOptions {
   readonly radiusM: () => number;
   /** Where the user stands at first. Default: under the page's camera, looking as it does. */
   readonly start?: () => Standpoint | null;
-  readonly landOptions?: () => TerrainLandOptions;
   /** The user stands on new ground: the swap and the move have just happened. */
   readonly landed?: (standpoint: Standpoint) => void;
   /** The session is over and the page has its camera back; `last` is where the user stood and looked. */

@@ -3,6 +3,7 @@
 import { readFileSync } from "node:fs";
 import { Group, PerspectiveCamera } from "three";
 import { afterAll, beforeAll, describe, expect, it, vi } from "vitest";
+import { gpuBytesOf } from "../../src/core/gpu-budget.ts";
 import { decodeSegment } from "../../src/core/payload/segment-format.ts";
 import type { SceneManifest } from "../../src/core/types.ts";
 import { GpuStore } from "../../src/three/gpu-store.ts";
@@ -41,7 +42,7 @@ describe("height_change_m in view", () => {
       ground.setMeasure(name);
     };
     const data = await decodeSegment(new Uint8Array(readFileSync(new URL(file, PAYLOADS))), SCALES);
-    const ground = new SegmentGround(store, pages, "key", data, NAME);
+    const ground = new SegmentGround(store, pages, "key", data, gpuBytesOf(data), NAME, 0);
     for (let step = 0; step < 100 && !ground.isWhole; step += 1) ground.step(() => []);
     ground.isShown = true;
     show(NAME);

@@ -1,6 +1,6 @@
 /** Numbers for whoever wants to know how it runs, and for whoever is asked for help. */
 
-import type { StageStats } from "../../three/types.ts";
+import type { TerrainStats } from "../../three/types.ts";
 import { h, setAttribute, setText } from "../dom.ts";
 import { formatBytes, formatCount, formatMs, formatPercent } from "../format.ts";
 import { type FrameSummary, summariseFrames } from "../frame-times.ts";
@@ -11,7 +11,7 @@ import { drawSparkline } from "./sparkline.ts";
 
 /** Where the numbers come from. */
 export interface FigureSources {
-  stats(): StageStats;
+  stats(): TerrainStats;
   readonly frames: readonly number[];
   copyDiagnostics(): void;
 }

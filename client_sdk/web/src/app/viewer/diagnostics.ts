@@ -2,7 +2,7 @@
 
 import type { WebGLRenderer } from "three";
 import { CLIENT } from "../../core/client/version.ts";
-import type { StageStats, VisibleDigest } from "../../three/types.ts";
+import type { TerrainStats, VisibleDigest } from "../../three/types.ts";
 import type { Notice } from "../failures.ts";
 import { summariseFrames } from "../frame-times.ts";
 import type { ViewerState } from "./state.ts";
@@ -11,7 +11,7 @@ import type { ViewerState } from "./state.ts";
 export interface DiagnosticSources {
   readonly renderer: WebGLRenderer;
   readonly state: ViewerState;
-  readonly stats: StageStats;
+  readonly stats: TerrainStats;
   readonly visible: readonly number[];
   readonly visibleDigest: VisibleDigest;
   readonly frameTimes: readonly number[];

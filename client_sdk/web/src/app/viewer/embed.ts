@@ -4,16 +4,8 @@
  * Everything here does what a control of the page does, or tells what the page knows. Documented in the package's README.
  */
 
-import type { StreamEvent, Vec3 } from "../../core/types.ts";
-import type {
-  GroundHit,
-  LandingStatus,
-  StageStats,
-  SwapReport,
-  TerrainLandOptions,
-  ViewMode,
-  VisibleDigest,
-} from "../../three/types.ts";
+import type { LandOptions, StreamEvent, Vec3 } from "../../core/types.ts";
+import type { GroundHit, LandingStatus, SwapReport, TerrainStats, ViewMode, VisibleDigest } from "../../three/types.ts";
 import type { HeadsetSession } from "../../xr/types.ts";
 import type { FreePose } from "./camera-desk.ts";
 import type { ViewerState } from "./state.ts";
@@ -37,7 +29,7 @@ export interface Embed {
   /** Equal strings: the same segments and the same hidden base faces. */
   readonly visibleDigest: VisibleDigest;
   readonly visible: readonly number[];
-  readonly stats: StageStats;
+  readonly stats: TerrainStats;
   /** Milliseconds of recent frames, oldest first. */
   readonly frameTimes: readonly number[];
   /** Frames drawn since the scene was opened. */
@@ -45,7 +37,7 @@ export interface Embed {
   /** Land; `radiusM` and the place's height may be left to the page. Resolves when it is shown whole; rejects when refused, or
    * superseded, or where the link is closed for good, or down for longer than 15 s: the landing itself is shown all the same
    * when there is a link again. */
-  land(position: Vec3, radiusM?: number, options?: TerrainLandOptions): Promise<LandingStatus>;
+  land(position: Vec3, radiusM?: number, options?: LandOptions): Promise<LandingStatus>;
   aim(position: Vec3, radiusM?: number): void;
   /** A mode, or its text, as `slope` or `attribute:NAME`; throws RangeError on what is no mode of this scene. */
   setMode(mode: ViewMode | string): void;

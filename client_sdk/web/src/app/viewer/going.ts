@@ -1,9 +1,9 @@
 /** Going to places: landings that the user or the address asks for, and the address that follows. */
 
 import { outsideBy } from "../../core/landing-defaults.ts";
-import type { Vec3 } from "../../core/types.ts";
+import type { LandOptions, Vec3 } from "../../core/types.ts";
 import type { Terrain } from "../../three/terrain.ts";
-import type { LandingStatus, TerrainLandOptions } from "../../three/types.ts";
+import type { LandingStatus } from "../../three/types.ts";
 import type { Announcer } from "../announcer.ts";
 import { prefersLessMotion } from "../device.ts";
 import { outsideNotice, steepNotice } from "../failures.ts";
@@ -22,7 +22,7 @@ import type { Landed, ViewerStore } from "./state.ts";
 /** Every way to a landing: a click, a link, the history, an embedding page. */
 export interface Going {
   /** The promise is that of `Terrain.land`. */
-  land(order: LandingOrder, options?: TerrainLandOptions): Promise<LandingStatus>;
+  land(order: LandingOrder, options?: LandOptions): Promise<LandingStatus>;
   /** The newest order once more, with another radius. */
   landAgain(radiusM: number): void;
   /** Land where the user aims. */
@@ -51,7 +51,7 @@ export interface GoingOptions {
   readonly loop: FrameLoop;
   readonly announcer: Announcer;
   /** Give an order to the landing desk. */
-  readonly order: (order: LandingOrder, options?: TerrainLandOptions) => Promise<LandingStatus>;
+  readonly order: (order: LandingOrder, options?: LandOptions) => Promise<LandingStatus>;
   /** Where to stand at a place, or near it; null where nobody could. */
   readonly stand: (at: Vec3) => Vec3 | null;
   /** Whether who stood there would have his eye inside the rock. */
@@ -70,7 +70,7 @@ export function createGoing(options: GoingOptions): Going {
   let hasWalked = false;
   let newest: LandingOrder | null = null;
 
-  function land(order: LandingOrder, landOptions?: TerrainLandOptions): Promise<LandingStatus> {
+  function land(order: LandingOrder, landOptions?: LandOptions): Promise<LandingStatus> {
     newest = order;
     notices.clear("landing");
     notices.clear("degraded");

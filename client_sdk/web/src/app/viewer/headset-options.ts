@@ -2,7 +2,6 @@
 
 import type { RegionFacts } from "../../core/types.ts";
 import type { Terrain } from "../../three/terrain.ts";
-import type { Landings } from "../../three/types.ts";
 import { modesOf } from "../../three/view-modes.ts";
 import type { HeadsetBookmark, HeadsetOptions, Standpoint } from "../../xr/types.ts";
 import type { Bookmark } from "../bookmarks.ts";
@@ -12,7 +11,6 @@ import type { CameraDesk } from "./camera-desk.ts";
 import type { FrameLoop } from "./frame-loop.ts";
 import type { GroundTools } from "./ground-tools.ts";
 import { headsetTools } from "./headset-tools.ts";
-import { landOptionsIn } from "./land-options.ts";
 import type { Markers } from "./markers.ts";
 import type { PlaceLink } from "./place-link.ts";
 import type { ViewerStore } from "./state.ts";
@@ -27,8 +25,6 @@ export interface PageForHeadset {
   readonly markers: Markers;
   readonly loop: FrameLoop;
   readonly link: PlaceLink;
-  /** With every swap counted. */
-  readonly landings: Landings;
   /** The address of what is shown. */
   readonly routeNow: () => Route;
   readonly keptPlaces: () => readonly Bookmark[];
@@ -44,7 +40,7 @@ const MAX_REGIONS = 40;
  * does is noted here, so that the page is where the user is when he takes it off.
  */
 export function headsetOptions(page: PageForHeadset): HeadsetOptions {
-  const { store, world, stage, camera, markers, loop, link, landings, routeNow, keptPlaces, regions } = page;
+  const { store, world, stage, camera, markers, loop, link, routeNow, keptPlaces, regions } = page;
   const modes = modesOf(store.get().manifest, regions).map(({ name, mode }) => ({ label: name, mode }));
   const named = regionsToVisit(store.get().manifest.id, regions, MAX_REGIONS).flatMap(bookmarkOf);
   const pageBudgetMs = stage.uploadBudgetMs;
@@ -79,9 +75,8 @@ export function headsetOptions(page: PageForHeadset): HeadsetOptions {
     scene: world.scene,
     rig: world.rig,
     camera: world.camera,
-    landings,
+    landings: stage,
     radiusM: () => store.get().radiusM,
-    landOptions: () => landOptionsIn(store.get(), store.get().radiusM, true),
     start() {
       const { landed, view } = store.get();
       // From an orbit nobody is put in the air: he stands where he landed, or below where he looked.

@@ -1,13 +1,12 @@
 /** Aims and landings of the page: from a click to the swap, and what is said about it. */
 
-import type { StreamEvent, Vec3 } from "../../core/types.ts";
-import type { LandingStatus, Landings, TerrainLandOptions } from "../../three/types.ts";
+import type { LandOptions, StreamEvent, Vec3 } from "../../core/types.ts";
+import type { LandingStatus, Landings } from "../../three/types.ts";
 import type { Look } from "../route.ts";
-import { coarseRadiusIn, landOptionsIn } from "./land-options.ts";
 import type { Landed, ViewerStore } from "./state.ts";
 
 /** The part of the drawn scene that is used. */
-export type LandingStage = Pick<Landings, "status" | "land" | "prefetch" | "swap">;
+export type LandingStage = Pick<Landings, "status" | "shownSegments" | "land" | "prefetch" | "swap">;
 
 /** What to do around a swap. */
 export interface LandingDeskOptions {
@@ -38,7 +37,7 @@ export interface LandingDesk {
   aim(position: Vec3, radiusM: number): void;
   cancelAim(): void;
   /** The promise is that of `Terrain.land`. */
-  land(order: LandingOrder, options?: TerrainLandOptions): Promise<LandingStatus>;
+  land(order: LandingOrder, options?: LandOptions): Promise<LandingStatus>;
   handle(event: StreamEvent): void;
   /** Once per frame: swaps when there is something to show. True while a landing is under way. */
   update(): boolean;
@@ -83,7 +82,7 @@ export function createLandingDesk({ store, stage, unseen, arrived, shown }: Land
   return {
     aim(position, radiusM) {
       store.set({ aim: { place: position, radiusM, bytes: 0 } });
-      stage.prefetch(position, radiusM, coarseRadiusIn(store.get(), radiusM));
+      stage.prefetch(position, radiusM);
     },
     cancelAim() {
       store.set({ aim: null });
@@ -92,10 +91,7 @@ export function createLandingDesk({ store, stage, unseen, arrived, shown }: Land
       order = next;
       hasArrived = false;
       store.set({ aim: null });
-      const landing = stage.land(next.position, next.radiusM, {
-        ...landOptionsIn(store.get(), next.radiusM, false),
-        ...options,
-      });
+      const landing = stage.land(next.position, next.radiusM, options);
       store.set({ landing: stage.status });
       return landing;
     },

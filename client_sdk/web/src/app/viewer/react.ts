@@ -45,6 +45,7 @@ export function reactToState(reactors: Reactors): () => void {
     if (target?.fraction !== targetBefore?.fraction) markers.setFraction(target?.fraction ?? null);
     if (state.split !== before.split) stage.setSplit(state.split);
     // The service brings what the radius covers: an aim of another one would foresee the wrong segments.
+    stage.showsCoarse = state.showsCoarse;
     const isOtherRadius = state.radiusM !== before.radiusM && state.aim?.radiusM !== state.radiusM;
     if (state.aim !== null && (isOtherRadius || state.showsCoarse !== before.showsCoarse)) {
       desk.aim(state.aim.place, state.radiusM);

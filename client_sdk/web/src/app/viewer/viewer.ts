@@ -140,10 +140,9 @@ export function createViewer(options: ViewerOptions): Viewer {
     stand,
     isBuried: ([x, y, z]) => isBuried([x, y + EYE_HEIGHT_M, z], stage),
   });
-  // The desk swaps through `comfort.landings`: a swap that went past it would be counted as a stray change.
   const desk = createLandingDesk({
     store,
-    stage: comfort.landings,
+    stage,
     unseen(swap) {
       // Who stands on the ground closes his eyes; from above, a change of what lies below does no harm.
       if (camera.view === "walk") blink.start(swap, prefersLessMotion());
@@ -226,7 +225,6 @@ export function createViewer(options: ViewerOptions): Viewer {
         })
       : null;
   const help = createHelpDialog();
-  const { landings } = comfort;
   const { routeNow } = going;
   const { regions } = files;
   const keptPlaces = () => panel.keptPlaces();
@@ -252,7 +250,6 @@ export function createViewer(options: ViewerOptions): Viewer {
         markers,
         loop,
         link,
-        landings,
         routeNow,
         keptPlaces,
         tools,

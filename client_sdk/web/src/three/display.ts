@@ -1,25 +1,25 @@
-/** How a stage's ground looks, whatever of it is visible: its mode, the wash over what became sharp, base beside detail. */
+/** How the ground of a terrain is displayed: mode, shading, the tint of new segments, base next to detail, the model. */
 
 import type { WebGLRenderer } from "three";
 
 import type { SegmentKey } from "../core/types.ts";
 import type { BaseGround } from "./base-ground.ts";
 import type { GroundMaterial } from "./ground-material.ts";
-import type { GroundSet } from "./ground-set.ts";
 import type { Shading } from "./ground-shading.ts";
+import type { SegmentSet } from "./segment-set.ts";
 import type { MiniaturePose, ViewMode } from "./types.ts";
 
 /** Light or dark page: decides the grey of "no value" alone. */
 export type Theme = "light" | "dark";
 
-/** What became sharp is washed with colour so strongly, and for so long. */
+/** Strength and duration of the tint of new segments. */
 const FRESH_SHARE = 0.6;
 const FRESH_MS = 1600;
 
 /** See the head of the file. */
-export class StageLooks {
+export class Display {
   readonly #material: GroundMaterial;
-  readonly #grounds: GroundSet;
+  readonly #segments: SegmentSet;
   #mode: ViewMode = { kind: "colour" };
   #newlyShown: ReadonlySet<SegmentKey> = new Set();
   #freshSinceMs: number | null = null;
@@ -28,9 +28,9 @@ export class StageLooks {
   /** Where a model of the scene stands; null where there is none. */
   miniature: MiniaturePose | null = null;
 
-  constructor(material: GroundMaterial, grounds: GroundSet) {
+  constructor(material: GroundMaterial, segments: SegmentSet) {
     this.#material = material;
-    this.#grounds = grounds;
+    this.#segments = segments;
   }
 
   get mode(): ViewMode {
@@ -50,13 +50,13 @@ export class StageLooks {
   setMode(mode: ViewMode, theme: Theme, base: BaseGround): void {
     this.#mode = mode;
     this.#material.setMode(mode, theme);
-    this.#grounds.setMeasure(this.measureName);
+    this.#segments.setMeasure(this.measureName);
     base.setMeasure(this.measureName);
   }
 
   setShading(shading: Shading, base: BaseGround): void {
     this.#material.setShading(shading);
-    this.#grounds.dress();
+    this.#segments.dress();
     base.dress();
   }
 
@@ -67,7 +67,7 @@ export class StageLooks {
 
   /** Wash what the newest swap has shown. */
   markFresh(nowMs: number): void {
-    this.#grounds.markFresh(this.#newlyShown);
+    this.#segments.markFresh(this.#newlyShown);
     this.#freshSinceMs = nowMs;
   }
 
@@ -86,7 +86,7 @@ export class StageLooks {
     this.#material.setFresh(Math.max(0, left) * FRESH_SHARE);
     if (left <= 0) {
       this.#freshSinceMs = null;
-      this.#grounds.markFresh(new Set());
+      this.#segments.markFresh(new Set());
     }
   }
 }

@@ -1,12 +1,12 @@
-/** What a stage tells of itself in figures. */
+/** Figures of a terrain: what it holds and has done. */
 
 import type { Stream, StreamStats } from "../core/types.ts";
 import type { BaseGround } from "./base-ground.ts";
 import type { FaceBoxes } from "./face-boxes.ts";
 import type { FrameTimes } from "./frame-times.ts";
 import type { GpuStore } from "./gpu-store.ts";
-import type { GroundSet } from "./ground-set.ts";
-import type { StageStats } from "./types.ts";
+import type { SegmentSet } from "./segment-set.ts";
+import type { TerrainStats } from "./types.ts";
 
 /** How old the stream's counters may be. */
 const STREAM_EVERY_MS = 500;
@@ -37,29 +37,29 @@ export class StreamCounters {
 }
 
 /** The figures of what is drawn now. */
-export function stageStats(
+export function terrainStats(
   stream: StreamStats | null,
   store: GpuStore,
   base: BaseGround,
   baseBoxes: FaceBoxes,
-  grounds: GroundSet,
+  segments: SegmentSet,
   times: FrameTimes,
-): StageStats {
+): TerrainStats {
   const { bufferBytes, textureBytes, createdBytes, freedBytes } = store;
   const baseTriangles = base.isUploaded ? base.faceCount - base.hiddenCount : 0;
   return {
     stream,
     gpu: {
-      segments: grounds.count,
-      visibleSegments: grounds.shown.size,
-      pages: grounds.pageCount,
+      segments: segments.count,
+      visibleSegments: segments.shown.size,
+      pages: segments.pageCount,
       bufferBytes,
       textureBytes,
       createdBytes,
       freedBytes,
     },
-    pickingBytes: baseBoxes.bytes + grounds.pickingBytes,
-    visibleTriangles: baseTriangles + grounds.shownFaces,
+    pickingBytes: baseBoxes.bytes + segments.pickingBytes,
+    visibleTriangles: baseTriangles + segments.shownFaces,
     updateMaxMs: times.maxMs,
     updateMedianMs: times.medianMs,
   };
