@@ -25,10 +25,10 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from terraport_server.session.planner import Budgets, gpu_bytes, select
 
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.session.interface import SegmentTable
+from terraport_server.session.plan import Budgets, choose, gpu_bytes
 
 CORPUS: Final = Path(__file__).resolve().parents[1] / "tests" / "conformance" / "scene"
 SEED: Final = 23
@@ -90,20 +90,10 @@ def fits(served: ServedScene, device: Device, landings: int) -> bool:
     for segment in chance.choices(range(table.segment_count), k=landings):
         low, high = table.bounds[segment, :3], table.bounds[segment, 3:]
         centre = [float(value) for value in (low.astype(float) + high) / 2]
-        plan = select(
-            table,
-            rows,
-            centre,
-            device.radius_m,
-            release_radius_m=device.radius_m,
-            inner_radius_m=None,
-            held=np.zeros(len(rows), dtype=np.bool_),
-            budgets=free,
-        )
-        ids = plan.order.astype(np.int64)
+        ids = choose(served.view, centre, device.radius_m, budgets=free).rows
         textures = int(table.texture_bytes[ids].sum())
-        sizes = plan.total_bytes, int(buffers[ids].sum()), textures
-        found.append((len(ids), plan.total_triangles, *sizes))
+        payload, triangles = int(table.lengths[ids].sum()), int(table.faces[ids].sum())
+        found.append((len(ids), triangles, payload, int(buffers[ids].sum()), textures))
     names = ("segments", "triangles", "payload, MB", "vertices and indices, MB", "textures, MB")
     for at, name in enumerate(names):
         values = [float(one[at]) / (MEGABYTE if at > 1 else 1) for one in found]

@@ -17,7 +17,7 @@ from terraport_server.session.interface import SceneView, SegmentTable
 from terraport_wire import COARSER, FOLLOWS, SEGMENT_DTYPE, Plan
 from terraport_wire import Budgets as AskedBudgets
 
-__all__ = ["Ball", "Budgets", "budgets_of", "choose", "hidden_under", "plan_of"]
+__all__ = ["Ball", "Budgets", "budgets_of", "choose", "gpu_bytes", "hidden_under", "plan_of"]
 
 _MOST_OF_SHORT_INDICES: Final = 65534
 """Maximum vertices with 16-bit indices: 65535 is a restart index on some GPUs."""
@@ -194,7 +194,7 @@ def _budget_prefix(table: SegmentTable, rows: Int64, budgets: Budgets) -> tuple[
     for name, sizes_of, limit in (
         ("max_triangles", lambda: table.faces[rows], budgets.max_triangles),
         ("max_bytes", lambda: table.lengths[rows], budgets.max_bytes),
-        ("max_gpu_bytes", lambda: _gpu_bytes(table, rows, budgets), budgets.max_gpu_bytes),
+        ("max_gpu_bytes", lambda: gpu_bytes(table, rows, budgets), budgets.max_gpu_bytes),
     ):
         if limit is None:
             continue
@@ -205,7 +205,7 @@ def _budget_prefix(table: SegmentTable, rows: Int64, budgets: Budgets) -> tuple[
     return count, omitted_by
 
 
-def _gpu_bytes(table: SegmentTable, rows: Int64, budgets: Budgets) -> Int64:
+def gpu_bytes(table: SegmentTable, rows: Int64, budgets: Budgets) -> Int64:
     """Return the bytes of each segment on a client's GPU (section 4, rule 2)."""
     vertices, faces = table.vertices[rows].astype(np.int64), table.faces[rows].astype(np.int64)
     face_bytes = np.where(
