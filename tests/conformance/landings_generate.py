@@ -30,7 +30,10 @@ THEMES: Final[dict[str, dict[str, float]]] = {
     "versions": {"cut": 0.05, "versions": 2},
     "budgets": {"max_segments": 6},
     "levels": {"levels": 2},
+    "refusals": {"land": 0.25, "refuse": 0.4},
 }
+TOO_FAR_M: Final = 501.0
+"""A radius that the service refuses."""
 EACH: Final = 26
 STEPS: Final = 25
 
@@ -107,6 +110,8 @@ def history(theme: str, number: int) -> dict[str, Any]:
 
     def land() -> None:
         radius_m = chance.randint(8, 240) / 4
+        if "refuse" in rules and chance.random() < rules["refuse"]:
+            radius_m = TOO_FAR_M
         inner_m = radius_m / 2 if chance.random() < 0.4 else None
         ring_m = radius_m + chance.randint(1, 160) / 4 if chance.random() < 0.5 else None
         pair.do("land", [chance.randint(0, 400) / 4 for _ in range(3)], radius_m, inner_m, ring_m)

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from sdk.pairing import CENTRE, COUNT, Pair, ToyScene
 
+import terraport_wire
 from terraport.core import SessionCore
 from terraport.errors import ProtocolViolationError, UsageError
 from terraport.events import (
@@ -267,6 +268,20 @@ def test_a_damaged_segment_is_asked_for_twice_and_then_left_out(pair: Pair, time
     pair.core.land(CENTRE, EVERYWHERE_M)
     pair.settle()
     check_shown(pair, {"position": CENTRE, "radius_m": EVERYWHERE_M})
+
+
+def test_a_landing_is_given_up_where_too_many_segments_are_damaged(
+    pair: Pair, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """More than a message can leave out: they would come again without end."""
+    monkeypatch.setattr(terraport_wire, "MAX_WITHOUT", 8)  # the scene has fewer than 64
+    pair.spoil = lambda frame: frame[:-1] + bytes([frame[-1] ^ 1])
+    pair.core.land(CENTRE, EVERYWHERE_M)
+    pair.settle()
+    (refused,) = pair.of(Refused)
+    assert (refused.code, refused.fatal, refused.landing) == ("damaged", False, 1)
+    assert pair.of(Shown) == []
+    assert len(lands(pair)) == 2
 
 
 def test_what_the_server_cannot_deliver_is_missing_and_its_base_stays(pair: Pair) -> None:

@@ -436,6 +436,8 @@ def test_draining_ends_the_open_landing_first() -> None:
     link.tell(client.prefetch((0, 0, 0), 40))
     link.session.drain(0.0, 10.0)
     link.serve()
+    link.tell(client.prefetch((20, 0, 20), 40))  # the user points meanwhile
+    link.serve()
     assert link.close is None
     link.tell(Credit(bytes=1 << 20))
     link.serve()

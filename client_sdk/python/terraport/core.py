@@ -577,9 +577,11 @@ class SessionCore:
             number = dict(zip(plan.show["key"].tolist(), plan.show["id"].tolist(), strict=True))
             for key in lost:
                 landing.failures[key] += 1
-                full = len(landing.given_up) == wire.MAX_WITHOUT
-                if landing.failures[key] >= _MOST_FAILURES and not full:
+                if landing.failures[key] >= _MOST_FAILURES:
                     landing.given_up[key] = number[key]
+            if len(landing.given_up) > wire.MAX_WITHOUT:
+                self._give_up(landing)
+                return
             self._ask_again(landing)
         elif landing.is_urgent and plan.inner_count is not None:
             rows = landing.shown_rows(plan.inner_count)
@@ -587,6 +589,16 @@ class SessionCore:
                 landing.is_urgent = False
                 hidden = self._bits(plan.inner_hidden)
                 self._events.append(core_events.InnerWhole(landing.number, _ids(rows), hidden))
+
+    def _give_up(self, landing: _Landing) -> None:
+        """End a landing of which more segments are damaged than a message can leave out."""
+        self._open.remove(landing)
+        text = (
+            f"got {len(landing.given_up)} damaged segments, expected at most {wire.MAX_WITHOUT}; "
+            "is something between here and the service changing payload?"
+        )
+        self._events.append(core_events.Refused("damaged", text, False, landing.number))
+        self._update()
 
     def _ask_again(self, landing: _Landing) -> None:
         """Send a landing again; the segments that it has stay in memory."""

@@ -437,6 +437,8 @@ class Session:
         """Check a landing or prefetch against the limits; refuse it if needed."""
         most_m = self._limits.max_radius_m
         if self._draining_until_s is not None:
+            if not isinstance(message, Land):
+                return False  # the open landing goes on
             text = f"got {message.TYPE} while the server goes away, expected a new connection"
             self._fatal(ErrorCode.DRAINING, text, generation=message.generation)
             return False

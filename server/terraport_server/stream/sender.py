@@ -153,8 +153,8 @@ class Sender:
         """Payload of the next ``writev``: twice what the socket took last."""
         self._fetched: SendChunk | None = None
         """Chunk that was brought into memory last."""
-        self._failed: int | None = None
-        """Segment that could not be read; reported when the session asks for it again."""
+        self._failed: tuple[int, int] | None = None
+        """Generation and segment that could not be read; reported when the session asks again."""
         self._announced_generation = -1
         self._announced_bytes = 0
         """Payload announced to the reader and not sent yet."""
@@ -387,9 +387,9 @@ class Sender:
 
     def _has_failed(self, chunk: SendChunk) -> bool:
         """Report a segment that could not be read."""
-        if chunk.segment != self._failed:
+        failed, self._failed = self._failed, None
+        if (chunk.generation, chunk.segment) != failed:
             return False
-        self._failed = None
         self._announced_bytes -= chunk.total - chunk.offset
         self.session.payload_failed(monotonic())
         return True
@@ -447,7 +447,8 @@ class Sender:
             self._fetched = chunk
         except (StoreError, OSError) as error:
             self._note_failure(chunk, error)
-            self._failed = chunk.segment
+            # Of this generation alone: a later landing reads it again.
+            self._failed = chunk.generation, chunk.segment
         except Exception as error:  # noqa: BLE001 - ends the session
             self._end(error)
         self._go_on()
