@@ -15,12 +15,14 @@ const HIDDEN = new Uint8Array(gzipSync(new Uint8Array(1)));
 
 /** One connection. */
 export class AnsweringServer {
+  /** Of the scene. */
+  version = "v1";
   /** Everything that the client sent, in order. */
   readonly received: (Fields & { readonly type: string })[] = [];
   readonly #out: Data[] = [];
 
   send(message: Fields): void {
-    this.#out.push(writeMsgpack(toPlain(message)));
+    this.#out.push(encoded(message));
   }
 
   receive(data: Data): void {
@@ -40,7 +42,7 @@ export class AnsweringServer {
       type: "welcome",
       server: "answering",
       session: "s",
-      scene: { id: "toy", version: "v1", name: "toy", segment_count: TOY.length, base_faces: 8, levels: 1 },
+      scene: { id: "toy", version: this.version, name: "toy", segment_count: TOY.length, base_faces: 8, levels: 1 },
       limits: {
         max_radius_m: 500,
         max_message_bytes: 1 << 20,
@@ -59,16 +61,7 @@ export class AnsweringServer {
         BigInt(`0x${key}`),
       );
     const show = toyWithin(position as Vec3, radiusM as number);
-    const rows = new DataView(new ArrayBuffer(28 * show.length));
-    show.forEach((segment, row) => {
-      rows.setBigUint64(28 * row, BigInt(`0x${segment.key}`), true);
-      const { length } = segment.payload;
-      for (const [place, value] of [row, length, 1, 3, Number(!isHeld(segment))].entries()) {
-        rows.setUint32(28 * row + 8 + 4 * place, value, true);
-      }
-    });
-    const table = new Uint8Array(rows.buffer);
-    this.send({ type: "plan", generation, show: table, hidden: HIDDEN, effective_radius_m: radiusM, omitted: 0 });
+    this.send({ generation, ...planOf(show, radiusM as number, (segment) => !isHeld(segment)) });
     for (const { key, payload } of show.filter((segment) => !isHeld(segment))) {
       const frame = new Uint8Array(24 + payload.length);
       const view = new DataView(frame.buffer);
@@ -82,6 +75,29 @@ export class AnsweringServer {
     }
     this.send({ type: "ready", generation });
   }
+}
+
+/** A plan, but for its generation. */
+export function planOf(
+  show: readonly ToySegment[],
+  radiusM: number,
+  follows: (segment: ToySegment) => boolean,
+): Fields {
+  const rows = new DataView(new ArrayBuffer(28 * show.length));
+  show.forEach((segment, row) => {
+    rows.setBigUint64(28 * row, BigInt(`0x${segment.key}`), true);
+    const { length } = segment.payload;
+    for (const [place, value] of [row, length, 1, 3, Number(follows(segment))].entries()) {
+      rows.setUint32(28 * row + 8 + 4 * place, value, true);
+    }
+  });
+  const table = new Uint8Array(rows.buffer);
+  return { type: "plan", show: table, hidden: HIDDEN, effective_radius_m: radiusM, omitted: 0 };
+}
+
+/** A message as it is sent. */
+export function encoded(message: Fields): Data {
+  return writeMsgpack(toPlain(message));
 }
 
 function toPlain(value: unknown): Plain {

@@ -74,3 +74,26 @@ test("a landing is given up where more of it cannot be decoded than may be left 
     expect(events.includes("refused damaged")).toBe(at >= 64);
   }
 });
+
+test("a landing that was given up is made anew, with every segment, in another version", () => {
+  const { session, server, talk } = connected();
+  session.land(MIDDLE, 100);
+  talk();
+  for (const { key } of TOY) {
+    for (const _ of [1, 2]) {
+      session.damaged(key);
+      talk();
+    }
+  }
+  const before = lands(server).length;
+  session.connectionLost();
+  server.version = "v2";
+  session.connected();
+  talk();
+  expect(session.shownKeys.size).toBe(0);
+  session.landAgain();
+  talk();
+  expect(lands(server)).toHaveLength(before + 1);
+  expect(lands(server).at(-1)).not.toHaveProperty("without");
+  expect(session.shownKeys.size).toBe(TOY.length);
+});

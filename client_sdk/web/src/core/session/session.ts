@@ -250,10 +250,13 @@ export class ClientSession {
     return landing.number;
   }
 
-  /** Ask for the newest complete landing once more, as after a change of version. */
+  /** Ask for the newest complete landing once more after a change of version, whichever segments failed before it. */
   landAgain(): void {
     const landing = this.#complete;
     if (this.#open.length > 0 || landing === null) return;
+    // It may have been given up: with more keys left out than a `land` can name.
+    landing.failures.clear();
+    landing.without.clear();
     landing.reset();
     this.#open.push(landing);
   }
@@ -343,7 +346,7 @@ export class ClientSession {
     this.cache.delete(key);
     const complete = this.#complete;
     if (this.#open.length === 0 && complete?.rows().some((row) => row.key === key)) {
-      this.landAgain();
+      this.#open.push(complete);
       this.#retry(complete, [key]);
     }
     for (const { plan, waiting } of this.#open) if (plan?.show.some((row) => row.key === key)) waiting.add(key);
@@ -507,10 +510,8 @@ export class ClientSession {
       failures.set(key, count);
       if (count >= MAX_FAILURES) without.add(key);
     }
-    if (without.size <= MAX_WITHOUT) {
-      landing.reset();
-      return;
-    }
+    landing.reset();
+    if (without.size <= MAX_WITHOUT) return;
     this.#open.splice(this.#open.indexOf(landing), 1);
     const message = `got ${without.size} segments that cannot be decoded, expected at most ${MAX_WITHOUT}`;
     this.#events.push({ type: "refused", code: "damaged", message, fatal: false, landing: number });
