@@ -23,6 +23,8 @@ const MAX_REQUESTS = 4;
 const MAX_PLAN_BYTES = 8 * 2 ** 20;
 const ABNORMAL = 1006;
 const BAD_REQUEST = 400;
+/** No such file, or no such bytes of it: the same request will not be answered otherwise. */
+const NOT_THERE: ReadonlySet<number | undefined> = new Set([404, 416]);
 const NO_PICKS = new StreamError("not_available", "picks need a connection, expected a stream without overHttp");
 /** Errors that another attempt may not meet. */
 const TEMPORARY: ReadonlySet<string> = new Set(["unreachable", "too_many", "draining", "damaged", "refused"]);
@@ -52,7 +54,7 @@ export function rangesOf(rows: readonly PlanRow[], offsets: readonly number[]): 
 
 /** As {@link Link}, for the scene at an http(s) address. */
 export class HttpLink implements Connection {
-  readonly #options: LinkOptions;
+  readonly #options: Omit<LinkOptions, "WebSocket">;
   readonly #access: Access;
   /** `.../scenes/ID/v-...`, once the manifest is here. */
   #folder: string | null = null;
@@ -64,7 +66,7 @@ export class HttpLink implements Connection {
   #hasLeft = false;
 
   /** @param options - `url` is the scene's, ending in `/scenes/ID`. */
-  constructor(options: LinkOptions) {
+  constructor(options: Omit<LinkOptions, "WebSocket">) {
     this.#options = options;
     this.#access = new Access(options.token);
   }
@@ -164,7 +166,7 @@ export class HttpLink implements Connection {
       };
       await Promise.all(Array.from({ length: MAX_REQUESTS }, fetchRanges));
       signal.throwIfAborted();
-      // What did not come is asked for once more by the session, then left out.
+      // What the pack lacks is asked for once more by the session, then left out.
       if (message.type === "land") session.take({ type: "ready", generation: message.generation });
       this.#attempt = 0;
       this.pump();
@@ -209,6 +211,11 @@ export class HttpLink implements Connection {
     return { plan: { ...message, generation, show }, packUrl: new URL(message.pack, url).href };
   }
 
+  /**
+   * Fetch the payloads of a range. A range that the pack lacks, or has in another length, is passed over.
+   *
+   * @throws StreamError for any other failure: nothing is known of the segments then, and they must not be left out.
+   */
   async #fetchRange(packUrl: string, { begin, end, rows }: PackRange, signal: AbortSignal): Promise<void> {
     const { session, url } = this.#options;
     // The token is the service's: nobody else is shown it.
@@ -219,7 +226,8 @@ export class HttpLink implements Connection {
       bytes = await fetchBytes(packUrl, { token, signal, range }, { maxBytes: end - begin, isExact: true });
     } catch (error) {
       if (signal.aborted || !(error instanceof StreamError)) throw error;
-      return;
+      if (error.code === "damaged" || NOT_THERE.has(error.status)) return;
+      throw error;
     }
     session.payloadBytes += bytes.length;
     for (const { row, offset } of rows) {
