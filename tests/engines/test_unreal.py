@@ -28,6 +28,7 @@ from engines.programs import ThreadedProxy
 from engines.test_unreal_core import decoded, same_mesh
 from engines.unreal import UNREAL, CoreTool, Unreal, Visited, missing
 from engines.walk import BOUND_M, LANDING, STEPS, places, shown_by_the_sdk
+from eventually import eventually
 from faults.service import Service
 from server.grid_scene import write_grid_scene
 
@@ -275,6 +276,31 @@ def test_a_byte_that_went_bad_on_disk_is_a_segment_missing(unreal: Unreal, tmp_p
         visited = fine(unreal.visit(f"{service.url}/scenes/own", EVERYWHERE))
     assert visited["visible"] == [segment for segment in range(36) if segment != 14]
     assert any(event.startswith("ready 1 ") for event in visited["events"])
+
+
+def test_after_a_change_of_version_the_user_lands_again_where_they_stand(
+    unreal: Unreal, tmp_path: Path
+) -> None:
+    """Its segments have one attribute more: none is decoded by the version before."""
+    place, folder = (30.0, 1.0, 30.0, 22.0), tmp_path / "scenes"
+    write_grid_scene(folder / "big", cells=80)
+    with Service(folder) as service:
+
+        def publish() -> None:
+            eventually((tmp_path / "shown").exists, WAIT_S)
+            service.kill()
+            write_grid_scene(folder / "big", cells=80, seed=1, slope=True)
+            service.start()
+
+        url = f"{service.url}/scenes/big"
+        steps = (step("land", place), f"touch:{tmp_path / 'shown'}", "swaps:2")
+        _, visited = beside(publish, lambda: unreal.visit(url, *steps))
+        fine(visited)
+        expected = shown_by_sdk(url, place)
+    assert [(visited["visible"], visited["hidden_base_faces"])] == expected
+    assert [landing["landing"] for landing in visited["landings"]] == [1, 1]
+    assert len(visited["plans"]) == 2, "no segment was taken for damaged"
+    assert visited["repeated_bytes"] == 0
 
 
 def test_a_service_that_is_killed_and_comes_back(unreal: Unreal, tmp_path: Path) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
+import gzip
 import json
+import struct
 import zlib
 from pathlib import Path
 from typing import Any
@@ -99,6 +101,27 @@ def misread(answer: dict[str, Any], case: dict[str, Any]) -> str | None:
     if not required <= set(read):
         return f"lacks {required - set(read)}"
     return None if includes(read, expected) else f"read {read}, expected {expected}"
+
+
+def test_a_map_or_list_has_at_most_16384_items(tool: CoreTool) -> None:
+    notice: dict[str, Any] = {"type": "notice", "kind": "draining"}
+    for count in (16384, 16385):
+        names = {str(number): None for number in range(count)}
+        for later in ([None] * count, names):
+            answer = tool.ask(f"server {msgpack.packb({**notice, 'later': later}).hex()}")
+            assert ("message" in answer) == (count == 16384), answer
+
+
+def test_a_group_has_up_to_1024_members(tool: CoreTool) -> None:
+    for count in (1024, 1025):
+        numbers = list(range(1, count + 1))
+        members = [{"member": n, "role": "member", "present": True} for n in numbers]
+        data = msgpack.packb({"type": "roster", "group": "all", "members": members})
+        assert ("message" in tool.ask(f"server {data.hex()}")) == (count == 1024)
+        table = struct.pack(f"<{count}I", *numbers)
+        gathered = {"type": "gathered", "gathering": 1, "ready": table}
+        data = msgpack.packb(gathered | {"degraded": b"", "missing": b""})
+        assert ("message" in tool.ask(f"server {data.hex()}")) == (count == 1024)
 
 
 # ---- payloads
@@ -214,6 +237,64 @@ def arguments(do: str, given: list[Any]) -> str:
         return base64.b64decode(given[0]).hex()
     flat = [item for each in given for item in (each if isinstance(each, list) else [each])]
     return " ".join("-1" if item is None else repr(item) for item in flat)
+
+
+WELCOME: dict[str, Any] = {
+    "type": "welcome",
+    "server": "test",
+    "session": "1",
+    "scene": {
+        "id": "s",
+        "name": "",
+        "version": "1",
+        "segment_count": 100,
+        "base_faces": 8,
+        "levels": 1,
+    },
+    "limits": {
+        "max_radius_m": 1000,
+        "max_message_bytes": 1 << 20,
+        "max_messages_per_s": 100,
+        "max_credit_bytes": 1 << 24,
+        "idle_timeout_s": 60,
+        "groups": "none",
+    },
+}
+
+
+@pytest.mark.parametrize("damaged", [64, 65])
+def test_a_landing_is_given_up_where_too_many_segments_are_damaged(
+    tool: CoreTool, damaged: int
+) -> None:
+    """As many as `without` may name are left out; beyond that the user is told."""
+
+    def receive(data: bytes) -> Any:
+        return tool.ask(f"receive {data.hex()}")
+
+    def send() -> list[Any]:
+        sent = tool.ask("send")["sent"]
+        return [sent_message(bytes.fromhex(each)) for each in sent]
+
+    tool.ask(f"begin {1 << 24} -1")
+    tool.ask("connected")
+    send()
+    receive(msgpack.packb(WELCOME))
+    tool.ask("land 0 0 0 100 -1 -1")
+    plan = {"type": "plan", "hidden": gzip.compress(b"\0"), "effective_radius_m": 100, "omitted": 0}
+    rows = [struct.pack("<Q5I", key, key, 1, 1, 1, 1) for key in range(damaged)]
+    for generation in (1, 2):
+        assert len(send()) == 1
+        receive(msgpack.packb(plan | {"generation": generation, "show": b"".join(rows)}))
+        for key in range(damaged):
+            receive(struct.pack("<BBHIQII", 1, 0, 24, generation, key, 0, 1) + b"?")
+        told = receive(msgpack.packb({"type": "ready", "generation": generation}))
+        assert ("given_up" in told) == (generation == 2 and damaged == 65)
+    if damaged == 65:
+        assert told["given_up"].startswith("got 65 damaged segments, expected at most 64;")
+        assert send() == []
+        tool.ask("land 0 0 0 100 -1 -1")
+    (land,) = send()
+    assert len(land.get("without", [])) == (64 if damaged == 64 else 0)
 
 
 # ---- speed

@@ -98,20 +98,29 @@ def write_grid_scene(
     stable_ids: tuple[int, ...] | None = None,
     survey_units: SurveyUnits | None = None,
     levels: int = 1,
+    slope: bool = False,
 ) -> GridScene:
     """Publish a grid of SIDE x SIDE segments; another seed is another version.
 
     Meshes are as :func:`shuffled` makes them. With three ``stable_ids`` the regions have them, and
     the next one is 10. With two ``levels`` the
-    payloads of the coarser one stand behind those of the segments.
+    payloads of the coarser one stand behind those of the segments. With ``slope`` vertices have a
+    second attribute.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     meshes = [
         tile_mesh(row, column, cells, seed=seed) for row in range(SIDE) for column in range(SIDE)
     ]
+    scales = SCALES
+    if slope:
+        scales = SCALES | {"slope": SCALES["grade"]}
+        meshes = [
+            replace(mesh, attributes=mesh.attributes | {"slope": mesh.attributes["grade"]})
+            for mesh in meshes
+        ]
     meshes += [coarser(mesh) for mesh in meshes * (levels - 1)]
-    payloads = [encode_segment(shuffled(mesh), step_m=STEP_M, scales=SCALES) for mesh in meshes]
-    decoded = [decode_segment(payload, scales=SCALES) for payload in payloads]
+    payloads = [encode_segment(shuffled(mesh), step_m=STEP_M, scales=scales) for mesh in meshes]
+    decoded = [decode_segment(payload, scales=scales) for payload in payloads]
     base = tile_mesh(0, 0, SIDE, seed=seed, tiles=SIDE)
     with SceneWriter(path) as writer:
         for number, (payload, mesh) in enumerate(zip(payloads, decoded, strict=True)):
@@ -129,7 +138,10 @@ def write_grid_scene(
             _cover(),
         )
         writer.set_regions(_regions(stable_ids))
-        info = replace(_info(name, seed), survey_units=survey_units, levels=levels)
+        attributes = tuple(_attribute(each) for each in scales)
+        info = replace(
+            _info(name, seed), survey_units=survey_units, levels=levels, attributes=attributes
+        )
         manifest = writer.publish(info)
     return GridScene(path, manifest, payloads, decoded)
 
@@ -160,14 +172,15 @@ def _info(name: str, seed: int) -> SceneInfo:
         regions=3,
         hand_off=HandOff(deviation_m=0.01, tolerance_m=0.05),
         build=BuildInfo(terraport="0.1.0", options={"seed": seed}),
-        attributes=(
-            AttributeInfo(
-                name="grade",
-                gltf_name=gltf_attribute_name("grade"),
-                offset=0.0,
-                step=SCALES["grade"].step,
-                min=0.0,
-                max=2.0,
-            ),
-        ),
+    )
+
+
+def _attribute(name: str) -> AttributeInfo:
+    return AttributeInfo(
+        name=name,
+        gltf_name=gltf_attribute_name(name),
+        offset=0.0,
+        step=SCALES["grade"].step,
+        min=0.0,
+        max=2.0,
     )

@@ -376,6 +376,8 @@ class Player {
           isGood ? session_.decoded(came->key, mesh.bounds, came->payload) : session_.damaged(came->key);
         } else if (const auto* inner = std::get_if<InnerComplete>(&event)) {
           told.list("inner", std::vector<double>{static_cast<double>(inner->rows.size()), crcOf(inner->hidden)});
+        } else if (const auto* refused = std::get_if<Refused>(&event); refused != nullptr && refused->code == "damaged") {
+          told.text("given_up", refused->message);
         }
       }
     }

@@ -6,8 +6,9 @@
 // max-segments, max-gpu-mib, frame-budget-ms, auto-show (0 or 1), coarse (0 or 1), late (1: the engine's WebSockets module was
 // loaded before the plugin), buffer-bytes (what a round of its thread takes), timeout-s.
 // Steps, in metres of the scene frame: land:X,Y,Z,R[,INNER,DEADLINE_MS] until shown; start:... until planned; wait until the
-// newest is shown; aim:X,Y,Z,R; pick:X,Y,Z,DX,DY,DZ; stand:X,Y,Z; places:REGION, with the pieces that the region is part of;
-// pause:MS; reconnect[:TOKEN]; join:NAME,guide|member,OWN; people:N; gather:X,Y,Z,R; barrier:N; follow:0|1; tour: see tour.cpp.
+// newest is shown; swaps:N until so many were shown in all; aim:X,Y,Z,R; pick:X,Y,Z,DX,DY,DZ; stand:X,Y,Z; places:REGION, with
+// the pieces that the region is part of; pause:MS; touch:PATH, which creates a file; reconnect[:TOKEN];
+// join:NAME,guide|member,OWN; people:N; gather:X,Y,Z,R; barrier:N; follow:0|1; tour: see tour.cpp.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -97,6 +98,8 @@ std::string Do(FVisit& Visit, const std::string& Step) {
     return Await([&] { return (Verb == "land" ? Visit.LastShown : Visit.LastPlanned) >= Visit.Newest; });
   }
   if (Verb == "wait") return Await([&] { return Visit.LastShown >= Visit.Newest; });
+  if (Verb == "swaps") return Await([&] { return Visit.Swaps >= int(N[0]); });
+  if (Verb == "touch") return std::ofstream(Given) ? "" : "cannot be written";
   if (Verb == "aim") {
     // Over when nothing more has come for a while.
     Visit.Until([&] { return Visit.Scene.IsOpen() && Visit.bOpen; });

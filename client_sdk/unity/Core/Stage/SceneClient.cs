@@ -286,8 +286,7 @@ namespace Terraport
             {
                 if (result.IsRestored)
                 {
-                    // Of two reads of a damaged file, the first has removed it.
-                    if (session.Disk.TryGetValue(result.Key, out Box box)) disk.Remove(result.Key, box);
+                    disk.Remove(result.Key, session.Disk[result.Key]);
                     session.LostOnDisk(result.Key);
                 }
                 else

@@ -366,6 +366,12 @@ void FTerraportSession::Handle(FNews& News, double NowMs)
 	if (const auto* Opened = std::get_if<terraport::Opened>(&Event))
 	{
 		Version = Opened->scene.version;
+		if (Opened->versionChanged)
+		{
+			// The same landing becomes presentable once more.
+			ReportedPresentable = -1;
+			bReportedInFull = false;
+		}
 		// Once for each connection that needs it: a scene that is damaged is not asked for again with every segment.
 		if (Stage->needsScene() && !Loading)
 		{

@@ -14,7 +14,7 @@ constexpr std::size_t kMaxFrameHeaderBytes = 1024;
 constexpr std::uint32_t kMaxSegmentBytes = 64U << 20;
 constexpr std::size_t kRowBytes = 28;
 constexpr std::size_t kMaxPlanSegments = 16384;
-constexpr std::size_t kMaxMembers = 64;
+constexpr std::size_t kMaxMembers = 1024;
 constexpr double kMaxDouble = std::numeric_limits<double>::max();
 constexpr std::int64_t kMaxInteger = (std::int64_t{1} << 53) - 1;
 

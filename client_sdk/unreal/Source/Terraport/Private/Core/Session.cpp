@@ -118,6 +118,10 @@ std::int64_t Session::land(const Place& place) {
   return landings_;
 }
 
+void Session::landAgain() {
+  if (open_.empty() && complete_) open_.push_back(*complete_);
+}
+
 void Session::hurry(std::int64_t number) {
   for (Landing& landing : open_) landing.isUrgent = landing.isUrgent || landing.number == number;
   update();
@@ -356,7 +360,7 @@ void Session::noteArrival(Key key) {
 
 // ---- landings
 
-/// Show the newest landing if it is complete; ask for missing segments again.
+/// Show the newest landing if it is complete; ask for segments again that failed.
 void Session::update() {
   if (open_.empty() || !open_.back().plan) return;
   Landing& landing = open_.back();
@@ -369,6 +373,9 @@ void Session::update() {
       complete.missing +=
           std::none_of(plan.show.begin(), plan.show.end(), [key](const SegmentRow& row) { return row.key == key; }) ? 1 : 0;
     }
+    complete_.emplace();
+    complete_->number = landing.number;
+    complete_->wanted = landing.wanted;
     open_.clear();
     shownRows_ = complete.rows;
     shownHidden_ = complete.hidden;
@@ -381,10 +388,7 @@ void Session::update() {
   const bool isDecoding =
       std::any_of(landing.waiting.begin(), landing.waiting.end(), [this](Key key) { return decoding_.count(key) > 0; });
   if (landing.ready && !isDecoding) {
-    for (const Key key : landing.waiting) {
-      if (++landing.failures[key] >= kMaxFailures && landing.givenUp.size() < kMaxWithout) landing.givenUp.insert(key);
-    }
-    askAgain(landing);
+    retry(landing);
   } else if (landing.isUrgent && plan.innerCount) {
     std::vector<SegmentRow> rows = rowsOf(landing, *plan.innerCount);
     if (std::any_of(rows.begin(), rows.end(), [&](const SegmentRow& row) { return landing.waiting.count(row.key) > 0; }))
@@ -393,6 +397,18 @@ void Session::update() {
     InnerComplete inner{landing.number, std::move(rows), {}};
     if (inflateBits(plan.innerHidden.value_or(Bytes()), inner.hidden).isOk()) events_.emplace_back(std::move(inner));
   }
+}
+
+/// Send the newest landing again after failed deliveries; give it up where more failed than may be left out.
+void Session::retry(Landing& landing) {
+  for (const Key key : landing.waiting) {
+    if (++landing.failures[key] >= kMaxFailures) landing.givenUp.insert(key);
+  }
+  if (landing.givenUp.size() <= kMaxWithout) return askAgain(landing);
+  const std::string text = "got " + std::to_string(landing.givenUp.size()) + " damaged segments, expected at most " +
+      std::to_string(kMaxWithout) + "; is something between here and the service changing payload?";
+  events_.emplace_back(Refused{landing.number, "damaged", text, false});
+  open_.pop_back();
 }
 
 /// Send a landing again; the segments that it has stay in memory.

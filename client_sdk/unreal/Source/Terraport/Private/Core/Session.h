@@ -83,7 +83,8 @@ struct Superseded {
   std::int64_t by = 0;
 };
 
-/// The service refused one landing, or (fatal) the connection.
+/// The service refused one landing, or (fatal) the connection; or a landing was given up (`damaged`): too many of its segments
+/// cannot be decoded.
 struct Refused {
   std::int64_t landing = 0;
   std::string code, message;
@@ -135,6 +136,8 @@ class Session {
   // Commands. Numbers that the protocol does not allow are refused with -1.
   /// The landing's number in the events, the same over generations.
   std::int64_t land(const Place& place);
+  /// Ask once more for the landing that was complete last, as after a change of version; no-op while another one is open.
+  void landAgain();
   /// The inner set is enough for that landing from now on.
   void hurry(std::int64_t landing);
   /// Where the user points; the newest is kept until `flushAim`.
@@ -195,6 +198,7 @@ class Session {
   Status landingOf(std::uint32_t generation, const char* type, Landing*& out);
   void noteArrival(Key key);
   void update();
+  void retry(Landing& landing);
   void askAgain(Landing& landing);
   void endBeforeNewest(const Landing& newest);
   Land messageOf(const Place& place, bool isPrefetch);
@@ -221,6 +225,8 @@ class Session {
   /// Landings that are neither shown nor over, oldest first. The last one alone may be shown; the others go on if the service
   /// refuses it.
   std::vector<Landing> open_;
+  /// Number and place of the landing that was complete last.
+  std::optional<Landing> complete_;
   std::optional<Place> aim_;
   std::map<std::uint32_t, Pick> picks_;
   /// What has come of the segment that is under way.

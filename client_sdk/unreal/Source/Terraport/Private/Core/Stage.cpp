@@ -63,14 +63,19 @@ std::int64_t Stage::land(const Vec3& position, double radiusM, const LandOptions
   }
   const std::int64_t landing = session_.land(place);
   if (landing < 0) return landing;
+  options_ = options;
+  begin(landing, nowMs);
+  return landing;
+}
+
+/// The landing has been asked for, or is asked for anew.
+void Stage::begin(std::int64_t landing, double nowMs) {
   target_.reset();
   status_ = LandingStatus();
   status_.landing = landing;
   status_.phase = LandingPhase::Planning;
-  options_ = options;
   landedAtMs_ = progressAtMs_ = nowMs;
   isHurried_ = false;
-  return landing;
 }
 
 bool Stage::aim(const Vec3& position, double radiusM) {
@@ -83,7 +88,11 @@ void Stage::handle(const Event& event, double nowMs) {
   if (const auto* opened = std::get_if<Opened>(&event)) {
     version_ = opened->scene.version;
     maxRadiusM_ = opened->limits.maxRadiusM;
-    if (opened->versionChanged) target_.reset();
+    if (opened->versionChanged) {  // The user stands where they landed last: what belongs there now is asked for.
+      target_.reset();
+      session_.landAgain();
+      if (session_.isLanding() && status_.phase != LandingPhase::Refused) begin(status_.landing, nowMs);
+    }
   } else if (const auto* planned = std::get_if<Planned>(&event)) {
     askFor(*planned);
   } else if (const auto* came = std::get_if<SegmentCame>(&event)) {
@@ -123,10 +132,11 @@ void Stage::askFor(const Planned& planned) {
   if (planned.landing == status_.landing) status_.phase = LandingPhase::Loading;
 }
 
+/// Nothing is decoded while the connection's scene is still loading: how many attributes there are is of a version.
 void Stage::pushJobs() {
   const auto isPrepared = [](const auto& entry) { return entry.second.state == PieceState::Prepared; };
   const auto prepared = static_cast<std::size_t>(std::count_if(pieces_.begin(), pieces_.end(), isPrepared));
-  while (scene_ && inFlight_ + prepared < kMaxInFlight && !jobs_.empty()) {
+  while (!needsScene() && inFlight_ + prepared < kMaxInFlight && !jobs_.empty()) {
     DecodeJob job = std::move(jobs_.front());
     jobs_.pop_front();
     job.isWanted = wanted_.count(job.key) > 0 && pieces_.count(job.key) == 0;
@@ -145,8 +155,12 @@ void Stage::takeResults(double nowMs) {
     progressAtMs_ = nowMs;
     const DecodeJob& job = result.job;
     const bool isKnown = session_.cached(job.key) != nullptr && !job.isNew;
+    const bool isOfThisVersion = job.scene->version == version_;
+    if (!isOfThisVersion) result.prepared.reset();  // Its colours are of the other version's regions.
     if (!result.status.isOk()) {
-      if (isKnown) {
+      if (!isOfThisVersion) {  // With another number of attributes; it may be good.
+        jobs_.push_back(std::move(result.job));
+      } else if (isKnown) {
         pieces_[job.key].state = PieceState::Failed;  // It was decoded once; memory is damaged.
       } else {
         job.payload == nullptr ? session_.lost(job.key) : session_.damaged(job.key);
@@ -159,7 +173,7 @@ void Stage::takeResults(double nowMs) {
     }
     if (!isKnown) session_.decoded(job.key, job.box, job.payload);
     if (wanted_.count(job.key) == 0 || pieces_.count(job.key) > 0) continue;
-    if (result.prepared == nullptr) {  // It came for an aim, and a landing wants it now.
+    if (result.prepared == nullptr) {  // It came for an aim, or for another version, and a landing wants it now.
       jobs_.push_back({job.key, job.payload, job.box, false, false, nullptr});
       continue;
     }

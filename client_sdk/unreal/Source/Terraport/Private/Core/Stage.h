@@ -174,6 +174,7 @@ class Stage {
     bool isBasePrepared = false;
   };
 
+  void begin(std::int64_t landing, double nowMs);
   void setTarget(std::int64_t landing, bool isInner, const std::vector<SegmentRow>& rows, const FaceBits& hidden);
   void askFor(const Planned& planned);
   void pushJobs();

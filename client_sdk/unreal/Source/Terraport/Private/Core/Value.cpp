@@ -10,13 +10,22 @@ namespace terraport {
 namespace {
 
 constexpr int kMaxDepth = 16;
+/// Of a map or list of msgpack.
+constexpr std::uint64_t kMaxItems = 16384;
 
 bool isContinuation(char byte) {
   return (static_cast<unsigned char>(byte) & 0xC0) == 0x80;
 }
 
-bool hasKey(const Value& map, std::string_view key) {
-  return map[key].kind != Value::Kind::Absent;
+bool areKeysDistinct(const Value& map) {
+  std::vector<std::string_view> keys;
+  keys.reserve(map.members.size());
+  for (const auto& [key, value] : map.members) {
+    (void)value;
+    keys.emplace_back(key);
+  }
+  std::sort(keys.begin(), keys.end());
+  return std::adjacent_find(keys.begin(), keys.end()) == keys.end();
 }
 
 /// Reads msgpack (https://github.com/msgpack/msgpack/blob/master/spec.md) without extensions.
@@ -156,29 +165,31 @@ class MsgpackReader {
     if (kind == Kind::Text && !isUtf8(out.text)) fail("text that is not UTF-8");
   }
 
-  /// Whether that many values can follow: each takes a byte at least, so no memory is reserved for a false count.
-  bool canFollow(std::uint64_t count, int depth) {
+  /// Whether a map or list of so many items can follow: each takes some bytes, so a false count is noticed at once.
+  bool canFollow(std::uint64_t count, std::uint64_t leastBytes, int depth) {
     if (depth >= kMaxDepth) fail("too many levels");
-    if (count > bytes_.size - at_) fail("the end of the message");
+    if (count > kMaxItems) fail("a map or list of more than 16,384 items");
+    if (count * leastBytes > bytes_.size - at_) fail("the end of the message");
     return problem_.empty();
   }
 
   void readList(Value& out, std::uint64_t count, int depth) {
     out.kind = Kind::List;
-    if (!canFollow(count, depth)) return;
+    if (!canFollow(count, 1, depth)) return;
     for (; count > 0 && problem_.empty(); --count) readValue(out.items.emplace_back(), depth + 1);
   }
 
   void readMap(Value& out, std::uint64_t count, int depth) {
     out.kind = Kind::Map;
-    if (!canFollow(2 * count, depth)) return;
+    if (!canFollow(count, 2, depth)) return;
     for (; count > 0 && problem_.empty(); --count) {
       Value key;
       readValue(key, depth + 1);
-      if (key.kind != Kind::Text || hasKey(out, key.text)) return fail("a key that is not text, or stands twice");
+      if (key.kind != Kind::Text) return fail("a key that is not text");
       out.members.emplace_back(std::move(key.text), Value());
       readValue(out.members.back().second, depth + 1);
     }
+    if (!areKeysDistinct(out)) fail("a key that stands twice");
   }
 
   ByteSpan bytes_;
@@ -242,13 +253,13 @@ class JsonReader {
       std::string key;
       readText(key);
       skipSpace();
-      isGood_ = isGood_ && take(":") && !hasKey(out, key);
+      isGood_ = isGood_ && take(":");
       if (!isGood_) return;
       out.members.emplace_back(std::move(key), Value());
       readValue(out.members.back().second, depth + 1);
       skipSpace();
     } while (isGood_ && take(","));
-    isGood_ = isGood_ && take("}");
+    isGood_ = isGood_ && take("}") && areKeysDistinct(out);
   }
 
   void readList(Value& out, int depth) {

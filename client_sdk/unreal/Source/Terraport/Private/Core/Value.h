@@ -48,7 +48,8 @@ struct Value {
 
 constexpr std::int64_t kMaxU32 = 0xFFFFFFFF;
 
-/// Read one msgpack value that takes all of the bytes: at most 16 levels deep, keys are text and each stands once.
+/// Read one msgpack value that takes all of the bytes: at most 16 levels deep, at most 16,384 items in a
+/// map or list, keys are text and each stands once.
 Status readMsgpack(ByteSpan bytes, Value& out);
 
 /// Read one JSON document (RFC 8259).
