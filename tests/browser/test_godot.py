@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import base64
+import gzip
 import itertools
 import json
 import random
 import shutil
+import struct
 import time
 import zlib
 from collections.abc import Callable, Iterator
@@ -34,6 +36,7 @@ import terraport.sync
 from terraport_payload import Texture, decode_segment, encode_segment
 from terraport_pipeline.demo_scenes import SHIPPED_ID, shipped_scene
 from terraport_pipeline.engines.ktx2 import encode_ktx2
+from terraport_wire.limits import MAX_CONTAINER_ITEMS
 
 OpenPage = Callable[..., tuple[Page, Watch]]
 
@@ -145,6 +148,57 @@ def test_every_message_and_frame(running_engine: Engine) -> None:
     sent = [case["message"] for case in cases if case["from"] == "client" and "message" in case]
     written = running_engine.call("corpus", "write", [sent])
     assert [msgpack.unpackb(bytes.fromhex(one)) for one in written] == sent
+
+
+@pytest.mark.parametrize("extra", [0, 1])
+def test_arrays_and_maps_are_bounded(running_engine: Engine, extra: int) -> None:
+    count = MAX_CONTAINER_ITEMS + extra
+    for many in ([0] * count, dict.fromkeys(map(str, range(count)), 0)):
+        data = base64.b64encode(msgpack.packb({"type": "notice", "kind": "new", "more": many}))
+        (got,) = running_engine.call("corpus", "read", [[data.decode()]])
+        assert got["type"] == ("malformed" if extra else "notice")
+
+
+@pytest.mark.parametrize("damaged", [64, 65])
+def test_a_landing_is_given_up_where_too_much_is_damaged(
+    running_engine: Engine, damaged: int
+) -> None:
+    """Each segment is asked for twice; then at most 64 are left out."""
+
+    def receive(message: bytes) -> list[Any]:
+        return ["receive", base64.b64encode(message).decode()]
+
+    limits = {"max_radius_m": 100.0, "max_messages_per_s": 100.0, "max_credit_bytes": 1 << 20}
+    scene = {"version": "1" * 32, "segment_count": damaged, "base_faces": 8, "levels": 1}
+    steps: list[list[Any]] = [
+        ["connected"],
+        receive(msgpack.packb({"type": "welcome", "scene": scene, "limits": limits})),
+        ["land", [0.0, 0.0, 0.0], 10.0, None, None],
+    ]
+    keys = range(1, damaged + 1)
+    plan = {
+        "type": "plan",
+        "show": b"".join(struct.pack("<Q5I", key, key, 4, 1, 3, 1) for key in keys),
+        "hidden": gzip.compress(b"\0"),
+        "effective_radius_m": 10.0,
+        "omitted": 0,
+    }
+    for generation in (1, 2):
+        frames = [
+            struct.pack("<2BHIQ2I", 1, 0, 24, generation, key, 0, 4) + b"none" for key in keys
+        ]
+        steps += [["send"], receive(msgpack.packb(plan | {"generation": generation}))]
+        steps += map(receive, frames)
+        steps.append(receive(msgpack.packb({"type": "ready", "generation": generation})))
+    *_, ready, sent = running_engine.call(
+        "corpus", "play", [{"max_segments": None, "credit_bytes": 1 << 20}, [*steps, ["send"]]]
+    )
+    assert ready["error"] == ""
+    if damaged == 64:
+        (land,) = sent["sent"]
+        assert len(land["without"]) == 64
+    else:
+        assert (ready["refused"], sent["sent"]) == ([1, "damaged"], [])
 
 
 def is_of_groups(case: dict[str, Any]) -> bool:
@@ -259,24 +313,53 @@ def test_a_landing_survives_lost_connections(godot: Engine, grids: Service) -> N
     assert godot.events("link") == [1, 2] + [3, 1, 2] * 2, "waiting, connecting, open"
 
 
+@pytest.mark.parametrize(("place", "seed"), [(HERE, 2), (NEAR, 3)])
 def test_a_service_that_is_killed_comes_back_with_another_version(
-    godot: Engine, tmp_path: Path
+    godot: Engine, tmp_path: Path, place: tuple[float, float, float, float], seed: int
 ) -> None:
-    """What was shown goes, base and landing are the new version's, and what both have is kept."""
+    """What was shown goes. A landing that was begun, or else the last again, waits for the base."""
     write_grid_scene(tmp_path / "grid", seed=1)
     with Service(tmp_path) as service:
         godot.open(service.url, "grid")
         before = godot.land(*NEAR)
         service.kill()
-        write_grid_scene(tmp_path / "grid", seed=2)
-        godot.call("begin_landing", *HERE)
-        service.start()
-        landed = godot.call("until_shown", before["landing"] + 1)
+        write_grid_scene(tmp_path / "grid", seed=seed)  # the browser keeps bases that it had
+        if place != NEAR:
+            godot.call("begin_landing", *place)
+        with godot.site.without_base():
+            service.start()
+            with terraport.sync.connect(f"{service.url}/scenes/grid") as session:
+                session.land(place[:3], place[3]).ready()
+                expected = sorted(session.visible), hidden_faces(session)
+            loaded = before["instances"] + len(expected[0])
+            eventually(lambda: godot.call("state")["instances"] == loaded, 60)
+            state = godot.call("state")
+            assert (state["visible"], state["hidden"]) == ([], ""), "on the old base"
+        landed = [before["landing"], 0, before["landing"] + 1]
+        eventually(lambda: godot.events("shown") == landed, 60)
+    state = godot.call("state")
+    assert (state["visible"], state["hidden"]) == expected
+    assert state["stats"]["repeated_bytes"] == 0
+
+
+def test_a_landing_that_was_not_shown_ends_with_its_version(godot: Engine, tmp_path: Path) -> None:
+    write_grid_scene(tmp_path / "grid", seed=1)
+    with Service(tmp_path) as service:
+        godot.open(service.url, "grid", auto_show=False)
+        godot.call("begin_landing", *NEAR)
+        eventually(lambda: godot.events("presentable") == [1], 60)
+        service.kill()
+        write_grid_scene(tmp_path / "grid", seed=4)
+        with godot.site.without_base():
+            service.start()
+            eventually(lambda: godot.events("superseded") == [[1, 2]], 60)
+            assert not godot.call("show_landing")
+        eventually(lambda: godot.events("presentable") == [1, 2], 60)
+        assert godot.call("show_landing")
         with terraport.sync.connect(f"{service.url}/scenes/grid") as session:
-            session.land(HERE[:3], HERE[3]).ready()
-            assert landed["visible"] == sorted(session.visible)
-            assert landed["hidden"] == hidden_faces(session)
-    assert landed["stats"]["repeated_bytes"] == 0
+            session.land(NEAR[:3], NEAR[3]).ready()
+            assert godot.call("state")["visible"] == sorted(session.visible)
+            assert godot.call("state")["hidden"] == hidden_faces(session)
 
 
 def test_past_the_deadline_the_inner_part_is_shown_first(godot: Engine, grids: Service) -> None:

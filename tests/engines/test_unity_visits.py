@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -17,13 +18,14 @@ from engines.sdk_arrays import NORMAL_STEP, land_with_sdk, normals_apart
 from engines.unity import Unity, Visit, digests
 from engines.walk import BOUND_M, LANDING, STEPS, places, shown_by_the_sdk
 from faults.service import Service
+from server import grid_scene
 from server.grid_scene import write_grid_scene
 
 import terraport.sync
 from terraport_server import BackgroundServer
 from terraport_server.auth.keys import TokenKey, write_keys
 from terraport_server.auth.tokens import make_token
-from terraport_store import Scene
+from terraport_store import Scene, SceneWriter
 
 EVERYWHERE = "land:30,1,30,100"
 WAIT_S = 60.0
@@ -126,6 +128,15 @@ def test_memory_is_bounded(unity: Unity, server: Service) -> None:
     assert [len(shown) for shown in visit.shown] == [1, 1, 1, 1]
     assert visit.of("planned")[3]["load"] == 1, "what was let go is sent again"
     assert visit["held_segments"] <= 2
+
+
+def test_landings_that_are_never_shown_leave_the_graphics_card(
+    unity: Unity, server: Service
+) -> None:
+    walk = steps("land", (5, 1, 5, 3), (55, 1, 55, 12), (5, 1, 55, 3), (30, 1, 5, 3))
+    visit = unity.land(f"{server.url}/scenes/grid", *walk, show=0, spare_bytes=0)
+    assert (visit.shown, len(visit.of("ready"))) == ([], 4)
+    assert visit["uploaded"] == visit.of("planned")[-1]["segments"]
 
 
 @pytest.mark.parametrize("budget", ["max_triangles", "max_bytes", "max_segments"])
@@ -282,6 +293,28 @@ def test_a_segment_that_the_service_cannot_read_is_missing(unity: Unity, tmp_pat
     assert visit.shown == [[segment for segment in range(36) if segment != 14]]
 
 
+def test_a_landing_with_too_much_that_cannot_be_decoded_is_given_up(
+    unity: Unity, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The service finds nothing wrong with them: they are what the index says."""
+
+    class Unreadable(SceneWriter):
+        def add_segment(self, payload: bytes, **facts: Any) -> int:
+            facts["texture"] = (0, 0, 0)
+            return super().add_segment(gzip.compress(b"no segment" + payload), **facts)
+
+    monkeypatch.setattr(grid_scene, "SceneWriter", Unreadable)
+    monkeypatch.setattr(grid_scene, "SIDE", 9)
+    write_grid_scene(tmp_path / "scenes" / "own")
+    with Service(tmp_path / "scenes") as service:
+        visit = unity.land(f"{service.url}/scenes/own", EVERYWHERE, "land:5,1,5,3", timeout_s=20)
+    assert [one["code"] for one in visit.of("failed")] == ["damaged"]
+    assert [plan["segments"] for plan in visit.of("planned")[:2]] == [81, 81]
+    # Where fewer are needed, they are left out.
+    assert (visit.failure, visit.shown) == (None, [[]])
+    assert [ready["missing"] for ready in visit.of("ready")] == [[0]]
+
+
 def test_a_service_that_is_killed_and_comes_back(unity: Unity, tmp_path: Path) -> None:
     write_grid_scene(tmp_path / "scenes" / "big", cells=80)
     with Service(tmp_path / "scenes") as first, ThreadedProxy(first.url) as line:
@@ -335,6 +368,24 @@ def test_a_second_run_reads_from_disk(unity: Unity, server: Service, tmp_path: P
     third = unity.land(url, landing, "pause:500", disk=tmp_path)
     assert (third["payload_bytes"], third["segments"]) == (len(data), first["segments"])
     assert damaged.read_bytes() == data
+
+
+def test_what_memory_let_go_before_its_upload_is_read_from_disk_again(
+    unity: Unity, server: Service, tmp_path: Path
+) -> None:
+    """As while the base is being uploaded: then no segment is."""
+    url, (here, there) = f"{server.url}/scenes/grid", ("5,1,5,3", "55,1,55,3")
+    unity.land(url, f"land:{here}", f"land:{there}", "pause:500", disk=tmp_path)
+    waiting = ("base:0", f"start:{here}", "pause:500", f"start:{there}", "pause:500")
+    visit = unity.land(
+        url,
+        *(*waiting, f"start:{here}", "base:1", "wait"),
+        disk=tmp_path,
+        cache_bytes=0,
+        timeout_s=20,
+    )
+    assert (visit.failure, visit.shown, visit["payload_bytes"]) == (None, [[0]], 0)
+    assert len(visit.of("ready")) == 3
 
 
 def test_the_disk_is_bounded_and_need_not_be_there(

@@ -3,6 +3,7 @@ extends RefCounted
 
 var _session: TerraportSession
 var _inner: Array = []
+var _refused: Array = []
 
 
 ## What must come of each step of a history, as tests/conformance/landings has it.
@@ -15,12 +16,16 @@ func play(options: Dictionary, steps: Array) -> Array:
 	_session.inner_completed.connect(
 			func(_landing: int, keys: PackedInt64Array, bits: PackedByteArray) -> void:
 				_inner = [keys.size(), bits.hex_encode()])
+	_session.refused.connect(
+			func(landing: int, code: String, _text: String) -> void: _refused = [landing, code])
 	return steps.map(func(step: Array) -> Dictionary:
 		_inner = []
+		_refused = []
 		var told := _play(step)
 		told["shown"] = _hex_keys(_session.shown_keys)
 		told["hidden"] = _session.hidden.hex_encode()
 		told["inner"] = _inner
+		told["refused"] = _refused
 		return told)
 
 

@@ -59,6 +59,10 @@ func begin_landing(
 	return terrain.land(Vector3(x, y, z), radius_m, inner_m, deadline_s)
 
 
+func show_landing() -> bool:
+	return terrain.show_landing()
+
+
 ## Wait until a landing is shown, the inner part or the whole for the first time or the second.
 func until_shown(landing: int, times := 1) -> Dictionary:
 	while events.filter(func(one: Array) -> bool:

@@ -29,6 +29,12 @@ namespace Terraport.Tools
 
         public List<string> Faults { get; } = new List<string>();
 
+        /// <summary>The base's upload does not end before this is false.</summary>
+        public bool IsBaseHeld { get; set; }
+
+        /// <summary>Segments that were uploaded and are not freed.</summary>
+        public int Uploaded => uploaded.Count;
+
         /// <summary>Base faces that are not drawn, ascending.</summary>
         public IEnumerable<int> HiddenFaces =>
             Enumerable.Range(0, 8 * drawnHidden.Length).Where(face => (drawnHidden[face / 8] >> face % 8 & 1) != 0);
@@ -43,7 +49,7 @@ namespace Terraport.Tools
         public void Discard(object mesh) {}
 
         // In three slices, as a real base takes more than one frame.
-        public bool UploadBase(SceneFiles files) { return ++baseSlices % 3 == 0; }
+        public bool UploadBase(SceneFiles files) { return !IsBaseHeld && ++baseSlices % 3 == 0; }
 
         public void Upload(ulong key, object mesh)
         {

@@ -17,10 +17,12 @@ namespace Terraport.Tools
         public const string Usage = "       terraport-tools land --scene URL [--NAME VALUE ...] STEP ...\n"
             + "  --token T  --token-file PATH (read again for each connection)  --max-triangles N  --max-bytes N  --max-segments N\n"
             + "  --cache-bytes N  --credit-bytes N  --spare-bytes N  --disk FOLDER  --disk-bytes N  --decode-threads N  --timeout-s S\n"
-            + "  --ring 0|1  --images 0|1  --dump FOLDER (normals of what is shown)\n"
-            + "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS] (until shown)  start:... (until planned)  wait (until shown and answered)  "
-            + "aim:X,Y,Z,RADIUS\n"
+            + "  --ring 0|1  --images 0|1  --show 0|1 (0: landings are made ready and not shown)\n"
+            + "  --dump FOLDER (normals of what is shown)\n"
+            + "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS] (until shown, or ready for it)  start:... (until planned)\n"
+            + "       wait (until shown and answered)  aim:X,Y,Z,RADIUS\n"
             + "       pick:X,Y,Z[,DX,DY,DZ]  stand:X,Y,Z (height and segment of the ground shown)  pause:MS  reconnect[:TOKEN]\n"
+            + "       base:0|1 (0: its upload does not end)\n"
             + "       join:NAME,guide|member[,OWN_NAME]  leave  people:N  follow:0|1  gather:X,Y,Z,RADIUS  barrier:N\n";
 
         private const double FrameMs = 2, SolidHalfM = 4;
@@ -81,6 +83,7 @@ namespace Terraport.Tools
             options.DecodeThreads = (int)(Number(named, "decode-threads") ?? 2);
             options.SpareGpuBytes = Number(named, "spare-bytes") ?? options.SpareGpuBytes;
             options.ShowsCoarse = Number(named, "ring") != 0;
+            options.AutoShow = Number(named, "show") != 0;
             options.Session.CreditBytes = Number(named, "credit-bytes") ?? options.Session.CreditBytes;
             options.Session.CacheBytes = Number(named, "cache-bytes") ?? options.Session.CacheBytes;
             options.Session.Budgets.MaxTriangles = Number(named, "max-triangles");
@@ -126,6 +129,7 @@ namespace Terraport.Tools
                 fields.Select(field => double.TryParse(field, NumberStyles.Float, CultureInfo.InvariantCulture, out double n) ? n : 0)
                     .ToArray();
             var place = numbers.Length < 3 ? default : new Vec3(numbers[0], numbers[1], numbers[2]);
+            LandingPhase last = client.AutoShow ? LandingPhase.Shown : LandingPhase.Presentable;
             int count;
             switch (kind)
             {
@@ -133,7 +137,7 @@ namespace Terraport.Tools
                 case "start":
                     client.Land(place, numbers[3],
                         numbers.Length < 6 ? null : new LandOptions { InnerRadiusM = numbers[4], DeadlineMs = numbers[5] });
-                    Until(step, () => kind == "start" ? client.Status.Plan != null : client.Status.Phase == LandingPhase.Shown, true);
+                    Until(step, () => kind == "start" ? client.Status.Plan != null : client.Status.Phase == last, true);
                     break;
                 case "wait": Until(step, () => client.Status.Phase == LandingPhase.Shown && client.Status.ReadyMs != null, true); break;
                 case "aim": client.Aim(place, numbers[3]); break;
@@ -147,6 +151,7 @@ namespace Terraport.Tools
                     double endMs = watch.Elapsed.TotalMilliseconds + numbers[0];
                     Until(step, () => watch.Elapsed.TotalMilliseconds >= endMs, false);
                     break;
+                case "base": renderer.IsBaseHeld = numbers[0] == 0; break;
                 case "reconnect":
                     closed = null;
                     client.Reconnect(argument.Length == 0 ? null : argument);
@@ -258,6 +263,7 @@ namespace Terraport.Tools
                 { "visible", client.ShownRows.Select(row => row.Id).OrderBy(id => id).ToArray() },
                 { "hidden_base_faces", renderer.HiddenFaces.ToArray() },
                 { "swaps", renderer.Swaps },
+                { "uploaded", renderer.Uploaded },
                 { "faults", renderer.Faults },
                 { "connections", client.Connections },
                 { "payload_bytes", stats.PayloadBytes },

@@ -9,6 +9,8 @@ import os
 import socket
 import socketserver
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
@@ -73,6 +75,8 @@ class EngineSite:
     def __init__(self) -> None:
         self.target = ""
         """Address of the service, which a test may change."""
+        self._base_gate = threading.Event()
+        self._base_gate.set()
         folder = engine_folder()
         self._files: dict[str, bytes] = {"play.html": _PAGE.encode()}
         self._files |= {path.name: path.read_bytes() for path in folder.iterdir()}
@@ -101,6 +105,15 @@ class EngineSite:
         self._server.shutdown()
         self._server.server_close()
 
+    @contextmanager
+    def without_base(self) -> Iterator[None]:
+        """Let requests for a base wait until the context ends."""
+        self._base_gate.clear()
+        try:
+            yield
+        finally:
+            self._base_gate.set()
+
     def _serve(self, client: socket.socket) -> None:
         client.settimeout(_TIMEOUT_S)
         head = b""
@@ -118,6 +131,8 @@ class EngineSite:
             answer = f"HTTP/1.1 {status}\r\ncontent-type: {kind}\r\ncontent-length: {len(content)}"
             client.sendall(answer.encode() + b"\r\nconnection: close\r\n\r\n" + content)
             return
+        if "/base" in path:
+            self._base_gate.wait(_TIMEOUT_S)
         target = urlsplit(self.target)
         try:
             service = socket.create_connection((target.hostname, target.port), _TIMEOUT_S)

@@ -7,7 +7,7 @@ extends RefCounted
 ## in comments are sections of spec/protocol.md.
 
 ## The server said welcome.
-signal opened(scene: Dictionary, limits: Dictionary, version_changed: bool)
+signal opened(scene: Dictionary, limits: Dictionary)
 signal planned(landing: int, plan: Dictionary)
 ## A segment is received and must be decoded.
 signal payload_received(key: int, payload: PackedByteArray)
@@ -16,6 +16,7 @@ signal inner_completed(landing: int, keys: PackedInt64Array, hidden: PackedByteA
 ## A landing is complete: from now on these segments are shown and these base faces hidden.
 signal completed(landing: int, keys: PackedInt64Array, hidden: PackedByteArray)
 signal superseded(landing: int, by: int)
+## The server refused a landing, or it was given up: its segments are damaged.
 signal refused(landing: int, code: String, message: String)
 ## The server ends the connection.
 signal failed(code: String, message: String)
@@ -266,9 +267,8 @@ func _on_welcome(welcome: Dictionary) -> String:
 		return "got a second welcome, expected one"
 	is_open = true
 	var scene: Dictionary = welcome.scene
-	var changed: bool = version != "" and version != scene.version
-	version = scene.version
-	if changed: # Segments of the previous version are not part of this scene.
+	if version != scene.version: # Segments of the previous version are not part of this scene.
+		version = scene.version
 		shown_keys = PackedInt64Array()
 		hidden = PackedByteArray()
 	# Granted in halves: the server never runs dry while a grant is on its way (6).
@@ -276,7 +276,7 @@ func _on_welcome(welcome: Dictionary) -> String:
 	_base_faces = scene.base_faces
 	_max_radius_m = welcome.limits.max_radius_m
 	_outbox.append_array(_picks.values())
-	opened.emit(scene, welcome.limits, changed)
+	opened.emit(scene, welcome.limits)
 	return ""
 
 
@@ -405,17 +405,30 @@ func _update() -> void:
 		return
 	var is_decoding := landing.waiting.keys().any(func(key: int) -> bool: return key in _decoding)
 	if landing.is_ready and not is_decoding:
-		for key: int in landing.waiting:
-			landing.failures[key] = landing.failures.get(key, 0) + 1
-			if landing.failures[key] >= _MOST_FAILURES and landing.without.size() < _MAX_WITHOUT:
-				landing.without[key] = true
-		_ask_again(landing)
+		_retry(landing)
 	elif landing.is_urgent and "inner_count" in landing.plan:
 		var inner := landing.keys.slice(0, landing.plan.inner_count)
 		if not Array(inner).any(func(key: int) -> bool: return key in landing.waiting):
 			landing.is_urgent = false
 			var packed: PackedByteArray = landing.plan.get("inner_hidden", PackedByteArray())
 			inner_completed.emit(landing.number, _present(landing, inner), _inflated(packed))
+
+
+# Request a landing again after failed deliveries; give it up where more keys failed than may be
+# left out.
+func _retry(landing: Landing) -> void:
+	for key: int in landing.waiting:
+		landing.failures[key] = landing.failures.get(key, 0) + 1
+		if landing.failures[key] >= _MOST_FAILURES:
+			landing.without[key] = true
+	if landing.without.size() <= _MAX_WITHOUT:
+		_ask_again(landing)
+		return
+	_open.erase(landing)
+	refused.emit(landing.number, "damaged",
+			("got %d damaged segments, expected at most %d; "
+			+ "is something between here and the service changing payload?")
+			% [landing.without.size(), _MAX_WITHOUT])
 
 
 func _present(landing: Landing, keys: PackedInt64Array) -> PackedInt64Array:
@@ -487,7 +500,7 @@ func _held_near(position: PackedFloat64Array, reach_m: float) -> PackedInt64Arra
 		if sqrt(distance) <= reach_m + sqrt(diagonal):
 			near.append([distance, key])
 	near.sort()
-	var keys := PackedInt64Array(_decoding.keys())
+	var keys := PackedInt64Array(_decoding.keys().slice(0, _MAX_HAVE))
 	for one: Array in near.slice(0, _MAX_HAVE - keys.size()):
 		if one[1] not in _decoding:
 			keys.append(one[1])

@@ -16,7 +16,8 @@ signal presentable(landing: int)
 signal shown(landing: int)
 ## A newer landing took the place of one that was not shown yet.
 signal superseded(landing: int, by: int)
-## The service refused a landing, or a pick (landing 0); what is shown stays.
+## The service refused a landing, or a pick (landing 0), or more segments of a landing are damaged
+## than can be left out; what is shown stays.
 signal refused(landing: int, code: String, message: String)
 ## Answer to [method pick]; empty where nothing was hit.
 signal picked(request: int, hit: Dictionary)
@@ -43,7 +44,10 @@ const _INBOUND_BYTES := 16 << 20
 const _OUTBOUND_BYTES := 1 << 20
 const _PING_PERIOD_S := 15.0
 const _CONNECT_S := 10.0
+const _FIRST_WAIT_S := 0.5
 const _MAX_WAIT_S := 30.0
+## A connection that lived so long was a good one: after it the first wait is short again.
+const _STABLE_S := 10.0
 const _PREFETCH_PERIOD_S := 0.1
 const _MAX_TASKS := 4
 ## Places that can be returned to in one frame.
@@ -108,6 +112,8 @@ var _max_messages_per_s := 1.0
 ## Code and message of the service's fatal error, or empty.
 var _refusal: Array[String] = []
 var _attempt := 0
+## When the service said welcome; INF before.
+var _welcomed_at_s := INF
 var _first_wait_s := -1.0
 var _retry_at_s := INF
 var _connect_by_s := INF
@@ -127,11 +133,14 @@ var _drawn: Dictionary[int, bool] = {}
 var _numbers: Dictionary[int, int] = {}
 ## Keys and hidden faces of completed landings, by place and radius.
 var _visits: Dictionary[Array, Array] = {}
-## Place and radius of each landing that is not complete.
+## Place and radii of each landing that is not complete.
 var _places: Dictionary[int, Array] = {}
+## Place and radii of the newest landing that is complete, or empty.
+var _standing: Array = []
 ## Time from which the inner set of a landing is enough.
 var _deadlines: Dictionary[int, float] = {}
-## Landing, keys and hidden faces that [method show_landing] would show, or empty.
+## Landing, keys and hidden faces that are shown once the base of their version is there and
+## [method show_landing] is called, or empty.
 var _offer: Array = []
 
 
@@ -142,6 +151,8 @@ class Job:
 	var attributes: Array
 	var attribute: String
 	var max_side := 2048
+	## The attributes are those of a version that is gone: the payload is to be decoded again.
+	var is_stale := false
 	var task := 0
 	var result: TerraportSegment
 
@@ -206,6 +217,7 @@ func open() -> void:
 	if lit:
 		_shader = Shader.new()
 		_shader.code = _SHADER.code.replace("unshaded, ", "")
+	_attempt = 0
 	_connect_to_service()
 
 
@@ -226,6 +238,8 @@ func close() -> void:
 	_base_version = ""
 	_opened_version = ""
 	_retry_at_s = INF
+	_welcomed_at_s = INF
+	_standing = []
 	manifest = {}
 	hidden_faces = PackedByteArray()
 	for table: Variant in [_waiting, _running, _drawn, _numbers, _visits, _places, _deadlines,
@@ -240,16 +254,14 @@ func close() -> void:
 func land(place: Vector3, radius := 0.0, inner_m := 0.0, deadline_s := 0.0) -> int:
 	if _session == null:
 		return 0
-	var local := to_local(place)
 	var wanted_m := radius if radius > 0.0 else radius_m
 	var ring_m := _COARSE_RADII * wanted_m if shows_coarse else 0.0
-	_offer.clear()
-	var landing := _session.land(_doubles(local), wanted_m, inner_m, ring_m)
-	_places[landing] = [local, wanted_m, ring_m]
+	var local: Array = [to_local(place), wanted_m, ring_m]
+	var landing := _land(local, inner_m)
 	if deadline_s > 0.0:
 		_deadlines[landing] = _now_s() + deadline_s
 	# A place that was shown before is shown again at once if all of it is in memory (4, rule 10).
-	var visit: Array = _visits.get(_places[landing], [])
+	var visit: Array = _visits.get(local, [])
 	if not visit.is_empty() and _session.has_all(visit[0]):
 		_present(landing, visit[0], visit[1])
 	return landing
@@ -262,7 +274,7 @@ func prefetch(place: Vector3, radius := 0.0) -> void:
 
 ## Show the landing of [signal presentable]. Returns false if there is none.
 func show_landing() -> bool:
-	if _offer.is_empty():
+	if _offer.is_empty() or not _has_base():
 		return false
 	var offer := _offer
 	_offer = []
@@ -372,7 +384,12 @@ func _connect_to_service() -> void:
 		else:
 			_wait_and_retry()
 		return
+	var is_other: bool = not manifest.is_empty() and manifest.version != read.version
 	manifest = read
+	if is_other:
+		_leave_version()
+		if session != _session:
+			return
 	_refusal.clear()
 	_socket = WebSocketPeer.new()
 	_socket.supported_protocols = [TerraportWire.SUBPROTOCOL]
@@ -424,7 +441,11 @@ func _send() -> void:
 
 func _wait_and_retry() -> void:
 	_drop_socket()
-	var wait_s := minf(2.0 ** _attempt, _MAX_WAIT_S) * randf_range(0.5, 1.0)
+	# A service that accepts and closes at once is not asked again and again.
+	if _now_s() - _welcomed_at_s >= _STABLE_S:
+		_attempt = 0
+	_welcomed_at_s = INF
+	var wait_s := minf(_FIRST_WAIT_S * 2.0 ** _attempt, _MAX_WAIT_S) * randf_range(0.5, 1.0)
 	_retry_at_s = _now_s() + (_first_wait_s if _first_wait_s >= 0.0 else wait_s)
 	_first_wait_s = -1.0
 	_attempt += 1
@@ -446,6 +467,7 @@ func _drop_socket() -> void:
 func _fetch(address: String, timeout_s := 0.0) -> Array:
 	var request := HTTPRequest.new()
 	request.timeout = timeout_s
+	request.max_redirects = 0 # The token goes to this server alone.
 	add_child(request)
 	var headers: PackedStringArray = [] if token == "" else ["Authorization: Bearer " + token]
 	var answer: Array = [HTTPRequest.RESULT_CANT_CONNECT, 0, [], PackedByteArray()]
@@ -477,14 +499,9 @@ static func _doubles(vector: Vector3) -> PackedFloat64Array:
 # ---- signals of the session
 
 
-func _on_opened(scene: Dictionary, limits: Dictionary, version_changed: bool) -> void:
+func _on_opened(scene: Dictionary, limits: Dictionary) -> void:
 	_max_messages_per_s = limits.max_messages_per_s
-	_attempt = 0
-	if version_changed:
-		_visits.clear()
-		_swap(0, PackedInt64Array(), PackedByteArray())
-		if attribute != "": # Its scale may have changed.
-			_session.forget()
+	_welcomed_at_s = _now_s()
 	if scene.version != manifest.version: # A version was published between the two answers.
 		_socket.close()
 		_wait_and_retry()
@@ -494,11 +511,39 @@ func _on_opened(scene: Dictionary, limits: Dictionary, version_changed: bool) ->
 
 
 func _announce() -> void:
-	if link == Link.OPEN and _base_version == manifest.version and _opened_version != _base_version:
+	if link == Link.OPEN and _has_base() and _opened_version != _base_version:
 		_opened_version = _base_version
 		opened.emit()
-		if land_on_open and _places.is_empty() and _drawn.is_empty():
+		if land_on_open and _places.is_empty() and _standing.is_empty():
 			land(to_global(landing_at_start))
+
+
+# Another version was published: nothing of the one before is drawn on its base, or with its scales.
+func _leave_version() -> void:
+	var session := _session
+	for job: Job in _waiting:
+		job.attributes = manifest.attributes
+	for job: Job in _running:
+		job.is_stale = true
+	_visits.clear()
+	_swap(0, PackedInt64Array(), PackedByteArray())
+	if attribute != "": # Its scale may have changed.
+		session.forget()
+	if _places.is_empty() and not _standing.is_empty():
+		_land(_standing)
+	_offer.clear()
+
+
+# Land at a place with its radii, in the scene's frame. What was not shown yet never is.
+func _land(place: Array, inner_m := 0.0) -> int:
+	var offer := _offer
+	_offer = []
+	var landing := _session.land(_doubles(place[0]), place[1], inner_m, place[2])
+	_places[landing] = place
+	# A landing that is complete is over for the session.
+	if not offer.is_empty() and offer[0] not in _places:
+		superseded.emit(offer[0], landing)
+	return landing
 
 
 func _on_planned(landing: int, plan: Dictionary) -> void:
@@ -519,9 +564,9 @@ func _on_payload_received(key: int, payload: PackedByteArray) -> void:
 
 
 func _on_completed(landing: int, keys: PackedInt64Array, bits: PackedByteArray) -> void:
-	var place: Array = _places[landing]
-	_visits.erase(place)
-	_visits[place] = [keys, bits]
+	_standing = _places[landing]
+	_visits.erase(_standing)
+	_visits[_standing] = [keys, bits]
 	if _visits.size() > _MAX_VISITS:
 		_visits.erase(_visits.keys()[0])
 	_forget_landing(landing)
@@ -541,6 +586,8 @@ func _on_refused(landing: int, code: String, message: String) -> void:
 func _forget_landing(landing: int) -> void:
 	_places.erase(landing)
 	_deadlines.erase(landing)
+	if not _offer.is_empty() and _offer[0] == landing:
+		_offer.clear()
 
 
 func _on_picked(request: int, hit: Dictionary) -> void:
@@ -571,7 +618,11 @@ func _decode_and_upload() -> void:
 	var end_us := Time.get_ticks_usec() + int(1000.0 * frame_budget_ms)
 	while not _running.is_empty() and Time.get_ticks_usec() < end_us and _running[0].is_done():
 		var job: Job = _running.pop_front()
-		if job.result.error == "":
+		if job.is_stale:
+			job.is_stale = false
+			job.attributes = manifest.attributes
+			_waiting.append(job)
+		elif job.result.error == "":
 			_upload(job.result)
 			job.result.instance.visible = false
 			_session.accept(job.key, job.result)
@@ -649,13 +700,22 @@ func _load_base() -> void:
 	_base_version = version
 	_hide_base_faces(hidden_faces)
 	_announce()
+	if not _offer.is_empty():
+		_present.callv(_offer)
 
 
+func _has_base() -> bool:
+	return _base_version == manifest.get("version")
+
+
+# Hidden faces are those of one version's base: without it the landing waits.
 func _present(landing: int, keys: PackedInt64Array, bits: PackedByteArray) -> void:
+	_offer = [landing, keys, bits]
+	if not _has_base():
+		return
 	if auto_show:
-		_swap(landing, keys, bits)
+		show_landing()
 	else:
-		_offer = [landing, keys, bits]
 		presentable.emit(landing)
 
 

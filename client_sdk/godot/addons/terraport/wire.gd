@@ -16,6 +16,8 @@ const MAX_SEGMENT_BYTES := 64 << 20
 const _FRAME_HEADER_BYTES := 24
 const _MAX_FRAME_HEADER_BYTES := 1024
 const _MAX_DEPTH := 32
+## Most items of one array or map.
+const _MAX_ITEMS := 16_384
 const _NUMBER := TYPE_FLOAT
 const _POINT := TYPE_VECTOR3
 const _BYTES := TYPE_PACKED_BYTE_ARRAY
@@ -236,8 +238,15 @@ func _read_text(count: int) -> String:
 	return _input.get_utf8_string(count) if _has(count) else ""
 
 
+# Refuse a container that no message needs before memory is taken for it.
+func _check_items(count: int) -> void:
+	if _error == "" and count > _MAX_ITEMS:
+		_error = "%d items, more than %d" % [count, _MAX_ITEMS]
+
+
 func _read_array(count: int, depth: int) -> Array:
 	var values: Array = []
+	_check_items(count)
 	while _has(count - values.size()) and values.size() < count:
 		values.append(_read(depth + 1))
 	return values
@@ -245,6 +254,7 @@ func _read_array(count: int, depth: int) -> Array:
 
 func _read_map(count: int, depth: int) -> Dictionary:
 	var values: Dictionary = {}
+	_check_items(count)
 	for left: int in range(count, 0, -1):
 		if not _has(2 * left):
 			break

@@ -24,7 +24,9 @@ namespace Terraport
         /// <summary>A landing is whole, except for segments that are not available.</summary>
         void Whole(Landing landing, List<PlanRow> rows, List<uint> missing);
 
-        /// <summary>The service refused a landing (null: something else) or, where it is fatal, the connection.</summary>
+        /// <summary>
+        /// The service refused a landing (null: something else) or, where it is fatal, the connection; or a landing was given up here.
+        /// </summary>
         void Refused(int? landing, string code, string message, bool isFatal);
 
         /// <summary>A pick was answered; a code says that it was refused.</summary>

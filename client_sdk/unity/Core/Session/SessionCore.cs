@@ -285,7 +285,7 @@ namespace Terraport
         internal bool Exclude(Landing landing, ulong key, uint id)
         {
             if (landing.GivenUp.ContainsKey(key)) return true;
-            if (landing.GivenUp.Count == MaxWithout) return false;
+            if (landing.GivenUp.Count >= MaxWithout) return false;
             landing.GivenUp[key] = id;
             landing.AskAgain();
             if (!open.Contains(landing)) open.Add(landing);
@@ -469,13 +469,7 @@ namespace Terraport
             }
             if (landing.Ready != null && landing.Restoring.Count == 0 && !landing.Waiting.Any(undecoded.ContainsKey))
             {
-                foreach (PlanRow row in landing.Plan.Show.Where(row => landing.Waiting.Contains(row.Key)))
-                {
-                    landing.Failures.TryGetValue(row.Key, out int failures);
-                    landing.Failures[row.Key] = failures + 1;
-                    if (failures + 1 >= MaxFailures && landing.GivenUp.Count < MaxWithout) landing.GivenUp[row.Key] = row.Id;
-                }
-                landing.AskAgain();
+                Retry(landing);
             }
             else if (landing.IsUrgent && landing.Plan.InnerCount.HasValue)
             {
@@ -484,6 +478,25 @@ namespace Terraport
                 landing.IsUrgent = false;
                 events.InnerWhole(landing, rows);
             }
+        }
+
+        /// <summary>Ask again for a landing after failed deliveries; give it up where more failed than may be left out (4, rule 8).</summary>
+        private void Retry(Landing landing)
+        {
+            foreach (PlanRow row in landing.Plan.Show.Where(row => landing.Waiting.Contains(row.Key)))
+            {
+                landing.Failures.TryGetValue(row.Key, out int failures);
+                landing.Failures[row.Key] = failures + 1;
+                if (failures + 1 >= MaxFailures) landing.GivenUp[row.Key] = row.Id;
+            }
+            if (landing.GivenUp.Count <= MaxWithout)
+            {
+                landing.AskAgain();
+                return;
+            }
+            open.Remove(landing);
+            string message = "got " + landing.GivenUp.Count + " segments that cannot be decoded, expected at most " + MaxWithout;
+            events.Refused(landing.Number, "damaged", message, false);
         }
 
         /// <summary>How far the coarser level is asked for: less of it is better than a landing that is refused.</summary>

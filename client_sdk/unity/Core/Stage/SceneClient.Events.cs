@@ -29,6 +29,8 @@ namespace Terraport
                 byte[] payload = residents.ContainsKey(row.Key) ? null : session.Cache.Find(row.Key);
                 if (payload != null && pending.Add(row.Key)) decoders.Enqueue(row.Key, payload);
             }
+            // What superseded landings have uploaded is spare now: they may never be shown, and no swap would free it.
+            Trim();
             PlanRow[] rows = landing.Plan.Show;
             var facts = new PlanFacts {
                 Landing = landing.Number,
@@ -56,7 +58,9 @@ namespace Terraport
 
         void ISessionEvents.RestoreNeeded(ulong key)
         {
-            if (pending.Add(key)) disk.Read(key, session.Disk[key]);
+            // Although its upload may wait from an earlier landing: memory has let go of the payload, and the session waits for it.
+            pending.Add(key);
+            disk.Read(key, session.Disk[key]);
         }
 
         void ISessionEvents.InnerWhole(Landing landing, List<PlanRow> rows)

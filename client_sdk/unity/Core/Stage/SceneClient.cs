@@ -286,7 +286,8 @@ namespace Terraport
             {
                 if (result.IsRestored)
                 {
-                    disk.Remove(result.Key, session.Disk[result.Key]);
+                    // Of two reads of a damaged file, the first has removed it.
+                    if (session.Disk.TryGetValue(result.Key, out Box box)) disk.Remove(result.Key, box);
                     session.LostOnDisk(result.Key);
                 }
                 else
