@@ -373,9 +373,10 @@ void Session::update() {
       complete.missing +=
           std::none_of(plan.show.begin(), plan.show.end(), [key](const SegmentRow& row) { return row.key == key; }) ? 1 : 0;
     }
-    complete_.emplace();
-    complete_->number = landing.number;
-    complete_->wanted = landing.wanted;
+    Landing again;
+    again.number = landing.number;
+    again.wanted = landing.wanted;
+    complete_ = std::move(again);
     open_.clear();
     shownRows_ = complete.rows;
     shownHidden_ = complete.hidden;
