@@ -147,9 +147,9 @@ class DrivenViewer:
 
 
 def payload_bytes(server_url: str) -> dict[str, float]:
-    """Payload bytes that the server says it sent, by what asked for them: ``land``, ``aim``."""
+    """Payload bytes that the server says it sent, by what asked for them: ``land``, ``prefetch``."""
     text = httpx.get(f"{server_url}/metrics").text
-    totals = {"land": 0.0, "aim": 0.0}
+    totals = {"land": 0.0, "prefetch": 0.0}
     for line in text.splitlines():
         if line.startswith("terraport_payload_bytes_total{"):
             name = line.split('kind="')[1].split('"')[0]

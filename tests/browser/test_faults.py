@@ -97,7 +97,7 @@ def test_the_server_is_killed_and_starts_again(open_page: OpenPage, scenes: Path
         shown = viewer.land(POSITION, RADIUS_M)
         assert shown["payloadBytes"] == 0
         assert shown["digest"] == first["digest"]
-        assert payload_bytes(service.url) == {"land": 0.0, "aim": 0.0}
+        assert payload_bytes(service.url) == {"land": 0.0, "prefetch": 0.0}
 
 
 def test_a_token_is_asked_for(open_page: OpenPage, scenes: Path) -> None:

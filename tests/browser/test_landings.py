@@ -47,7 +47,7 @@ def test_land_hop_and_return(viewer: DrivenViewer, server: Service) -> None:
     # The server's own counter says the same.
     sent = payload_bytes(server.url)
     assert sent["land"] - before["land"] == first["payloadBytes"] + hop["payloadBytes"]
-    assert sent["aim"] == before["aim"]
+    assert sent["prefetch"] == before["prefetch"]
     assert viewer.stream["repeatedBytes"] == 0
     assert viewer.run("terraport.state.strayChanges") == 0
 
@@ -124,7 +124,7 @@ def test_an_aim_leaves_nothing_to_load(viewer: DrivenViewer, server: Service) ->
     viewer.page.keyboard.press("Space")
     viewer.until("terraport.state.aim?.bytes > 0")
     aimed = _until_nothing_follows(server)
-    assert aimed["aim"] > before["aim"]
+    assert aimed["prefetch"] > before["prefetch"]
     assert viewer.visible == []  # nothing is shown before the user lands
 
     viewer.page.keyboard.press("Enter")
