@@ -64,6 +64,8 @@ _COLOURS, _UVS, _REGIONS, _WIDE = 1, 2, 4, 8
 _IMAGES: Final = ("image/jpeg", "image/png", "image/webp", "image/ktx2")
 _POLE: Final = 127
 _TEXTURED_NORMAL_STEP: Final = 4
+_MAX_STEP_EXPONENT: Final = 103
+"""2^24 such steps are finite in float32."""
 _NO_REGION: Final = 0xFFFF
 
 
@@ -199,8 +201,10 @@ def decode_segment(
     steps = planes.steps(vertices, flags, (x, y, z))
     # Not by absolute values: int32 has none of its least number, which a damaged origin may give.
     inside = int(steps.min()) > -MAX_STEPS and int(steps.max()) < MAX_STEPS
-    if not -1022 <= exponent <= 127 or not inside:
+    if not inside:
         raise PayloadError("a position 2^24 steps or more from the origin, expected less")
+    if exponent > _MAX_STEP_EXPONENT:
+        raise PayloadError(f"steps of 2^{exponent} m, expected at most 2^{_MAX_STEP_EXPONENT}")
     normals = _unfold(planes.rows(vertices, 2, 1))
     colours = uvs = texture = regions = None
     if flags & _COLOURS:
@@ -257,8 +261,8 @@ def segment_bounds(data: bytes | memoryview) -> Float64:
     is_new = planes.bits(faces + 2 * int(starts.sum()))
     planes.differences(int((~is_new).sum()), 2 if vertices <= 1 << 16 else 4)
     steps = planes.steps(vertices, flags, (x, y, z)).astype(np.int64)
-    if not -1022 <= exponent <= 127:
-        raise PayloadError(f"step 2^{exponent}, expected 2^-1022 to 2^127")
+    if not -1022 <= exponent <= _MAX_STEP_EXPONENT:
+        raise PayloadError(f"step 2^{exponent}, expected 2^-1022 to 2^{_MAX_STEP_EXPONENT}")
     bounds: Float64 = np.concatenate([steps.min(axis=0), steps.max(axis=0)]) * 2.0**exponent
     return bounds
 

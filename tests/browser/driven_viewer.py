@@ -147,7 +147,7 @@ class DrivenViewer:
 
 
 def payload_bytes(server_url: str) -> dict[str, float]:
-    """Payload bytes that the server says it sent, by what asked for them: ``land``, ``prefetch``."""
+    """Payload bytes that the server says it sent, by kind: ``land``, ``prefetch``."""
     text = httpx.get(f"{server_url}/metrics").text
     totals = {"land": 0.0, "prefetch": 0.0}
     for line in text.splitlines():

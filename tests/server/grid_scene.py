@@ -172,6 +172,7 @@ def _info(name: str, seed: int) -> SceneInfo:
         regions=3,
         hand_off=HandOff(deviation_m=0.01, tolerance_m=0.05),
         build=BuildInfo(terraport="0.1.0", options={"seed": seed}),
+        attributes=(_attribute("grade"),),
     )
 
 

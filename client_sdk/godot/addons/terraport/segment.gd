@@ -9,6 +9,7 @@ const NO_VALUE := -1e30
 
 const _MAX_STREAM_BYTES := 1 << 28
 const _MAX_STEPS := 1 << 24
+const _MAX_STEP_EXPONENT := 103 # 2^24 such steps are finite in float32
 const _HEAD_BYTES := 40
 const _COLOURS := 1
 const _UVS := 2
@@ -286,7 +287,11 @@ func _read_faces(vertex_count: int, face_count: int) -> void:
 
 func _read_positions(count: int, width: int) -> void:
 	var axes: Array[PackedInt32Array] = []
-	var step := 2.0 ** _stream.decode_s8(20)
+	var exponent := _stream.decode_s8(20)
+	if exponent > _MAX_STEP_EXPONENT:
+		_fail("steps of 2^%d m" % exponent, "at most 2^%d" % _MAX_STEP_EXPONENT)
+		return
+	var step := 2.0 ** exponent
 	for axis: int in 3:
 		var codes := _differences(count, width)
 		if error != "":

@@ -21,6 +21,8 @@ const MAX_SIDE = { segment: 2048, base: 4096 };
 const NO_REGION = 0xffff;
 /** Float32 holds every whole number of steps below it. */
 const MAX_STEPS = 2 ** 24;
+/** Metres: 2^24 of them are finite in float32. */
+const MAX_STEP_M = 2 ** 103;
 
 /**
  * Decode one segment. The mesh has no image without `decodeImage`. `bytes` are only read.
@@ -196,6 +198,7 @@ function readPositions(
   planes: Planes,
   { vertexCount, origin, stepM, flags }: Head,
 ): Pick<MeshData, "positions" | "translation" | "stepM" | "bounds"> {
+  if (stepM > MAX_STEP_M) throw new PayloadError(`steps of ${stepM} m, expected at most 2^103`);
   const isWide = (flags & WIDE) !== 0;
   const codes = isWide ? new Uint32Array(4 * vertexCount) : new Uint16Array(4 * vertexCount);
   for (const axis of [0, 1, 2]) planes.differences(codes, isWide ? 4 : 2, axis, 4);

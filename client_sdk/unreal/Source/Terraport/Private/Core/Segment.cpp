@@ -26,6 +26,7 @@ constexpr unsigned kColours = 1, kUvs = 2, kRegions = 4, kWide = 8;
 constexpr std::uint16_t kNoRegion = 65535;
 /// Whole steps below it are exact in float32.
 constexpr std::int64_t kMaxSteps = 1 << 24;
+constexpr int kMaxStepExponent = 103;  // 2^24 such steps are finite in float32
 constexpr std::uint32_t kMaxSegmentSide = 2048, kMaxBaseSide = 4096;
 
 std::uint64_t bitPlaneBytes(std::uint64_t count) {
@@ -200,7 +201,9 @@ class SegmentReading {
   }
 
   Status readPositions() {
-    const double stepM = std::ldexp(1.0, static_cast<std::int8_t>(head_[20]));
+    const auto exponent = static_cast<std::int8_t>(head_[20]);
+    if (exponent > kMaxStepExponent) return Status::damaged("steps above 2^103 m, expected positions in float32");
+    const double stepM = std::ldexp(1.0, exponent);
     mesh_.positions.resize(3 * std::size_t{mesh_.vertexCount});
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const auto origin = static_cast<std::int32_t>(readU32(head_ + 8 + 4 * axis));
