@@ -36,8 +36,7 @@ def test_the_page_that_is_served_is_the_built_one(server: Service) -> None:
     assert "script-src 'self' 'wasm-unsafe-eval'" in answer.headers["content-security-policy"]
     assert "./assets/" in answer.text
     notices = httpx.get(f"{server.url}/third-party.txt").text
-    for name in ("three", "meshoptimizer", "hash-wasm", "xxHash"):
-        assert f"\n{name}" in notices
+    assert "\nthree " in notices
 
 
 def test_the_list_shows_the_scenes(page: Page, server: Service) -> None:
