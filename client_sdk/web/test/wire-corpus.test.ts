@@ -5,7 +5,7 @@ import { describe, expect, test } from "vitest";
 import { DecodeError } from "../src/core/wire/errors.ts";
 import { decodeFrame, isFrame } from "../src/core/wire/frames.ts";
 import { type ClientMessage, decodeMessage, encodeMessage, type PlanRow } from "../src/core/wire/messages.ts";
-import { type Plain, readMsgpack, WholeFloat } from "../src/core/wire/msgpack.ts";
+import { type Plain, readMsgpack, WholeFloat, writeMsgpack } from "../src/core/wire/msgpack.ts";
 
 const CORPUS = new URL("../../../tests/conformance/messages/", import.meta.url);
 
@@ -111,3 +111,11 @@ function plain(value: Plain): unknown {
   if (value instanceof WholeFloat) return value.value;
   return value instanceof Uint8Array ? Buffer.from(value).toString("base64") : value;
 }
+
+test("numbers stay whole where the writer's buffer grows in front of them", () => {
+  for (let length = 230; length < 270; length++) {
+    const padding = new Uint8Array(length);
+    const numbers = [0.5, 2 ** 40, -(2 ** 40), 70_000];
+    expect(readMsgpack(writeMsgpack([padding, ...numbers]))).toEqual([padding, ...numbers]);
+  }
+});

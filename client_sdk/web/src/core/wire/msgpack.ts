@@ -198,8 +198,10 @@ class Writer {
     if (value === null) this.#sized(0xc0, 0, 0);
     else if (typeof value === "boolean") this.#sized(value ? 0xc3 : 0xc2, 0, 0);
     else if (typeof value === "number" && Number.isSafeInteger(value)) this.#integer(value);
-    else if (typeof value === "number") this.#view.setFloat64(this.#token(0xcb, 8), value);
-    else if (typeof value === "string") {
+    else if (typeof value === "number") {
+      const at = this.#token(0xcb, 8); // first: it may replace the view
+      this.#view.setFloat64(at, value);
+    } else if (typeof value === "string") {
       const bytes = ENCODER.encode(value);
       this.#head(bytes.length, 0xa0, 31, 0xd9, 0);
       this.#raw(bytes);
@@ -223,8 +225,10 @@ class Writer {
     else if (value >= 0 && value <= 0xff) this.#sized(0xcc, 1, value);
     else if (value >= 0 && value <= 0xffff) this.#sized(0xcd, 2, value);
     else if (value >= 0 && value <= 0xffffffff) this.#sized(0xce, 4, value);
-    else if (value >= 0) this.#view.setBigUint64(this.#token(0xcf, 8), BigInt(value));
-    else this.#view.setBigInt64(this.#token(0xd3, 8), BigInt(value));
+    else {
+      const at = this.#token(value >= 0 ? 0xcf : 0xd3, 8);
+      this.#view.setBigInt64(at, BigInt(value)); // safe integers have the same bits, signed or not
+    }
   }
 
   /** A count: in the token itself up to `inToken`, else behind it in 2^`power` bytes or more. */
